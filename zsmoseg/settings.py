@@ -1,0 +1,194 @@
+"""Every setting: default, unit, range and meaning; presets; TOML.
+
+A section is read by the stages that declare it (``workflows/stages``) and by nothing else. Names are
+dotted, ``flow.stride``, and the same in ``--set``, in TOML, in Python and in the store. Lengths are
+pixels of the working grid (``frames.width`` wide) unless a name says otherwise.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from zsmoseg.errors import SettingsError
+
+
+def setting(default: Any, meaning: str, unit: str = "", when: tuple[str, ...] = (), **limits: Any) -> Any:
+    """One setting. ``when = (name, value, ...)``: it acts only while ``name`` of its section has such a value."""
+    return Field(default, description=meaning, json_schema_extra={"unit": unit, "when": list(when)}, **limits)
+
+
+class Section(BaseModel):
+    """Settings that are read together."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+
+    def active(self) -> dict[str, Any]:
+        """The settings that act: those of a backend or rule that is not chosen are left out."""
+        return {name: value for name, value in self.model_dump(mode="json").items() if self.acts(name)}
+
+    def acts(self, name: str) -> bool:
+        """Whether setting ``name`` can change anything now."""
+        when = type(self).extra(name)["when"]
+        return not when or getattr(self, when[0]) in when[1:]
+
+    @classmethod
+    def extra(cls, name: str) -> dict[str, Any]:
+        """Unit and condition of setting ``name``."""
+        extra = cls.model_fields[name].json_schema_extra
+        assert isinstance(extra, dict)
+        return extra
+
+
+class Video(Section):
+    """Which frames of the source are used."""
+
+    start: str = setting(
+        "", "first frame used: seconds (12.5) or a frame number (300f)", pattern=r"^(\d+(\.\d+)?s?|\d+f)?$"
+    )
+    end: str = setting(
+        "", "end of what is used, exclusive: seconds or a frame number", pattern=r"^(\d+(\.\d+)?s?|\d+f)?$"
+    )
+    every: int = setting(1, "use every n-th frame", "frames", ge=1)
+    ignore: str = setting("", "image whose non-zero pixels are kept out of everything (car bonnet, time stamp)")
+    fps: float = setting(25.0, "frame rate of folders of images, which carry no times", "1/s", gt=0)
+    allow_truncated: bool = setting(False, "use the part of a damaged video that can be decoded")
+    fingerprint: Literal["content", "stat"] = setting(
+        "content", "how the source is recognised: hash of its bytes, or size and time of change"
+    )
+
+
+class Frames(Section):
+    """The working grid."""
+
+    width: int = setting(427, "width of the working grid; the height follows", "px", ge=32, le=4096)
+
+
+class Flow(Section):
+    """Optical flow: OpenCV DIS, both directions."""
+
+    finest_scale: int = setting(0, "finest level of the pyramid; 1 = half the working grid", ge=0, le=4)
+    stride: int = setting(4, "distance of the patches (8 px wide)", "px", ge=1, le=8)
+    descent: int = setting(12, "gradient descent steps of a patch", ge=1, le=256)
+    refinement: int = setting(0, "variational refinement steps", ge=0, le=256)
+    cut: float = setting(
+        0.35, "share of pixels that nothing in the other frame explains at which a pair is a cut", gt=0, le=1
+    )
+    repeat: float = setting(
+        0.25, "mean grey difference at or below which a frame is a repeat of the one before", "grey levels", ge=0
+    )
+
+
+class Depth(Section):
+    """Pseudo depth."""
+
+    source: Literal["constant"] = setting("constant", "constant: no depth")
+
+
+class Segments(Section):
+    """Superpixels of the embedded default."""
+
+    pitch: float = setting(11.5, "distance of the superpixels", "px", ge=4, le=64)
+    compactness: float = setting(10.0, "weight of place against colour", gt=0)
+    passes: int = setting(2, "passes over the frame", ge=1, le=20)
+
+
+class Tables(Section):
+    """What is measured on the superpixels and between them."""
+
+    ego_stride: int = setting(12, "sampling of the fit of the camera's motion", "px", ge=1, le=64)
+    ego_rounds: int = setting(8, "re-weighted rounds of that fit", ge=1, le=100)
+
+
+class Objects(Section):
+    """Which superpixels are foreground, and which objects they form."""
+
+
+class Labels(Section):
+    """From superpixels to pixels."""
+
+    guide_radius: int = setting(8, "radius of the guided filter", "px", ge=1, le=64)
+    guide_eps: float = setting(1e-4, "edge sensitivity of the guided filter (squared colour, 0 to 1)", gt=0)
+
+
+class Statistics(Section):
+    """The one pass over the pixels."""
+
+    border: int = setting(1, "pixels this close to a boundary between objects are left out", "px", ge=0, le=16)
+    cells_y: int = setting(5, "rows of the grid of background cells", ge=1, le=32)
+    cells_x: int = setting(8, "columns of the grid of background cells", ge=1, le=32)
+
+
+class Motion(Section):
+    """The motion model."""
+
+    model: Literal[
+        "screw", "screw-shift", "screw-printed", "screw-plane", "quadratic", "planar", "affine", "translation"
+    ] = setting("affine", "parametric flow of one object at one pair")
+
+
+class Affinity(Section):
+    """Similarity of objects from the residuals of all pairs."""
+
+
+class Groups(Section):
+    """Which objects move together, and which do not move."""
+
+    count: Literal["auto"] | int = setting("auto", "number of groups, the static one included, or auto")
+
+
+class Masks(Section):
+    """What is painted."""
+
+    when: Literal["ever", "now"] = setting(
+        "ever", "paint a mover wherever it is seen, or only while it moves"
+    )
+
+
+class Summary(Section):
+    """The overlay video."""
+
+    overlay: bool = setting(True, "write overlay.mp4")
+
+
+class Chunk(Section):
+    """How work is cut. Changes no value and is in no key."""
+
+    length: int = setting(16, "frames of a chunk", "frames", ge=1, le=4096)
+
+
+class Settings(BaseModel):
+    """All settings, by section."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    video: Video = Video()
+    frames: Frames = Frames()
+    flow: Flow = Flow()
+    depth: Depth = Depth()
+    segments: Segments = Segments()
+    tables: Tables = Tables()
+    objects: Objects = Objects()
+    labels: Labels = Labels()
+    statistics: Statistics = Statistics()
+    motion: Motion = Motion()
+    affinity: Affinity = Affinity()
+    groups: Groups = Groups()
+    masks: Masks = Masks()
+    summary: Summary = Summary()
+    chunk: Chunk = Chunk()
+
+    def flat(self) -> dict[str, Any]:
+        """``{"flow.stride": 4, ...}``."""
+        return {f"{s}.{n}": v for s, fields in self.model_dump(mode="json").items() for n, v in fields.items()}
+
+
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "default": {},
+}
+"""Named settings; ``paper-core`` is the paper to the letter from the proposals on."""
