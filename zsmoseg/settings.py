@@ -8,7 +8,8 @@ pixels of the working grid (``frames.width`` wide) unless a name says otherwise.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
@@ -55,7 +56,9 @@ class Video(Section):
         "", "end of what is used, exclusive: seconds or a frame number", pattern=r"^(\d+(\.\d+)?s?|\d+f)?$"
     )
     every: int = setting(1, "use every n-th frame", "frames", ge=1)
-    ignore: str = setting("", "image whose non-zero pixels are kept out of everything (car bonnet, time stamp)")
+    ignore: str = setting(
+        "", "image whose non-zero pixels are kept out of everything (car bonnet, time stamp)"
+    )
     fps: float = setting(25.0, "frame rate of folders of images, which carry no times", "1/s", gt=0)
     allow_truncated: bool = setting(False, "use the part of a damaged video that can be decoded")
     fingerprint: Literal["content", "stat"] = setting(
@@ -80,7 +83,10 @@ class Flow(Section):
         0.35, "share of pixels that nothing in the other frame explains at which a pair is a cut", gt=0, le=1
     )
     repeat: float = setting(
-        0.25, "mean grey difference at or below which a frame is a repeat of the one before", "grey levels", ge=0
+        0.25,
+        "mean grey difference at or below which a frame is a repeat of the one before",
+        "grey levels",
+        ge=0,
     )
 
 
@@ -119,7 +125,9 @@ class Labels(Section):
 class Statistics(Section):
     """The one pass over the pixels."""
 
-    border: int = setting(1, "pixels this close to a boundary between objects are left out", "px", ge=0, le=16)
+    border: int = setting(
+        1, "pixels this close to a boundary between objects are left out", "px", ge=0, le=16
+    )
     cells_y: int = setting(5, "rows of the grid of background cells", ge=1, le=32)
     cells_x: int = setting(8, "columns of the grid of background cells", ge=1, le=32)
 
@@ -185,10 +193,158 @@ class Settings(BaseModel):
 
     def flat(self) -> dict[str, Any]:
         """``{"flow.stride": 4, ...}``."""
-        return {f"{s}.{n}": v for s, fields in self.model_dump(mode="json").items() for n, v in fields.items()}
+        return {
+            f"{s}.{n}": v for s, fields in self.model_dump(mode="json").items() for n, v in fields.items()
+        }
 
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "default": {},
 }
 """Named settings; ``paper-core`` is the paper to the letter from the proposals on."""
+
+
+def resolve(
+    preset: str = "default", config: Path | None = None, overrides: Mapping[str, Any] | None = None
+) -> Settings:
+    """Settings from a preset, then a TOML file, then ``overrides`` (dotted names).
+
+    Raises
+    ------
+    SettingsError
+        Unknown preset; unreadable TOML; every unknown, mistyped or out-of-range setting at once.
+    """
+    if preset not in PRESETS:
+        raise SettingsError(f"preset {preset!r} is unknown; there are {', '.join(PRESETS)}")
+    flat: dict[str, Any] = {
+        **PRESETS[preset],
+        **(_flatten(_toml(config)) if config else {}),
+        **(overrides or {}),
+    }
+    problems = []
+    tree: dict[str, dict[str, Any]] = {}
+    known = defaults()
+    for name, value in flat.items():
+        if name not in known:
+            near = get_close_matches(name, known, 1, 0.5)
+            problems.append(
+                f"{name} is unknown" + (f"; did you mean {near[0]}?" if near else "; see zsmoseg settings")
+            )
+        else:
+            section, field = name.split(".", 1)
+            tree.setdefault(section, {})[field] = value
+    try:
+        settings = Settings.model_validate(tree)
+    except ValidationError as error:
+        problems += _in_words(error)
+    if problems:
+        raise SettingsError("settings: " + " | ".join(problems))
+    return settings
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """``"flow.stride=4"`` as name and TOML value; what is not TOML is a string."""
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip():
+        raise SettingsError(f"--set {text}: expected section.name=value")
+    try:
+        return name.strip(), tomllib.loads(f"v = {value}")["v"]
+    except tomllib.TOMLDecodeError:
+        return name.strip(), value.strip()
+
+
+@lru_cache
+def defaults() -> Mapping[str, Any]:
+    """Dotted name to default."""
+    return Settings().flat()
+
+
+def describe(name: str) -> dict[str, str]:
+    """Default, unit, allowed values and meaning of one setting, in words."""
+    section, field = name.split(".", 1)
+    model: type[Section] = type(getattr(Settings(), section))
+    info = model.model_fields[field]
+    extra = model.extra(field)
+    condition = (
+        f" (only with {section}.{extra['when'][0]} = {' or '.join(extra['when'][1:])})"
+        if extra["when"]
+        else ""
+    )
+    return {
+        "name": name,
+        "default": str(info.default),
+        "unit": extra["unit"],
+        "allowed": allowed(model, field),
+        "meaning": f"{info.description}{condition}",
+    }
+
+
+def allowed(model: type[Section], field: str) -> str:
+    """The allowed values of a field in words, from its JSON schema."""
+    schema = model.model_json_schema()["properties"][field]
+    return " or ".join(_schema_words(part) for part in schema.get("anyOf", [schema]))
+
+
+_KINDS = {
+    "integer": "an integer",
+    "number": "a number",
+    "string": "text",
+    "boolean": "true or false",
+    "array": "a list",
+}
+
+
+def _schema_words(schema: Mapping[str, Any]) -> str:
+    if "enum" in schema:
+        return ", ".join(map(str, schema["enum"]))
+    if "const" in schema:
+        return str(schema["const"])
+    limits = [
+        f"{sign} {schema[word]:g}"
+        for word, sign in (
+            ("minimum", ">="),
+            ("exclusiveMinimum", ">"),
+            ("maximum", "<="),
+            ("exclusiveMaximum", "<"),
+        )
+        if word in schema
+    ]
+    if "pattern" in schema:
+        limits.append(f"matching {schema['pattern']}")
+    return " ".join([_KINDS.get(str(schema.get("type")), "a value"), " and ".join(limits)]).strip()
+
+
+def _in_words(error: ValidationError) -> list[str]:
+    """One sentence per wrong setting."""
+    words: dict[str, str] = {}
+    for item in error.errors():
+        section, field = str(item["loc"][0]), str(item["loc"][1])
+        model: type[Section] = type(getattr(Settings(), section))
+        words[f"{section}.{field}"] = (
+            f"{section}.{field} = {_value(error, section, field)!r}: expected {allowed(model, field)}"
+        )
+    return list(words.values())
+
+
+def _value(error: ValidationError, section: str, field: str) -> Any:
+    return next(e["input"] for e in error.errors() if e["loc"][:2] == (section, field))
+
+
+def _toml(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise SettingsError(
+            f"{path}: cannot be read ({error.strerror}); give a TOML file to --config"
+        ) from error
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(f"{path}: is not TOML ({error})") from error
+
+
+def _flatten(tree: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        f"{section}.{name}": value
+        for section, fields in tree.items()
+        for name, value in (fields.items() if isinstance(fields, dict) else [("", fields)])
+    }
