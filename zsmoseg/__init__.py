@@ -1,3 +1,28 @@
-"""Zero-shot motion segmentation: what moves by itself in a video from a moving camera."""
+"""Zero-shot motion segmentation: what moves by itself in a video from a moving camera.
+
+>>> import zsmoseg
+>>> result = zsmoseg.segment("walk.mp4")  # doctest: +SKIP
+>>> result.masks("moving")  # (frame, y, x) bool  # doctest: +SKIP
+"""
+
+from importlib import import_module
+from typing import Any
 
 __version__ = "0.1.0"
+
+_OFFERED = {
+    "segment": ("zsmoseg.workflows.result", "segment"),
+    "open_store": ("zsmoseg.workflows.result", "open_store"),
+    "settings": ("zsmoseg.settings", None),
+    "synthetic": ("zsmoseg.synthetic", None),
+}
+__all__ = ["__version__", "open_store", "segment", "settings", "synthetic"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load what is offered when it is first asked for."""
+    if name not in _OFFERED:
+        raise AttributeError(f"module 'zsmoseg' has no attribute {name!r}")
+    module, attribute = _OFFERED[name]
+    loaded = import_module(module)
+    return loaded if attribute is None else getattr(loaded, attribute)

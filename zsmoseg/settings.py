@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,7 +21,7 @@ from zsmoseg.errors import SettingsError
 
 
 def setting(default: Any, meaning: str, unit: str = "", when: tuple[str, ...] = (), **limits: Any) -> Any:
-    """One setting. ``when = (name, value, ...)``: it acts only while ``name`` of its section has such a value."""
+    """One setting; ``when = (name, value, ...)``: it acts only while ``name`` of its section is such a value."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit, "when": list(when)}, **limits)
 
 
@@ -64,6 +65,19 @@ class Video(Section):
     fingerprint: Literal["content", "stat"] = setting(
         "content", "how the source is recognised: hash of its bytes, or size and time of change"
     )
+
+
+class Ignore(Section):
+    """Pixels that count for nothing: a car bonnet, a time stamp."""
+
+    mask: str = setting("", "image whose non-zero pixels are kept out of every fit, table, border and mask")
+
+    def active(self) -> dict[str, Any]:
+        """The content of the mask counts, not its path."""
+        try:
+            return {"mask": sha256(Path(self.mask).read_bytes()).hexdigest() if self.mask else ""}
+        except OSError as error:
+            raise SettingsError(f"{self.mask}: the ignore mask cannot be read ({error.strerror})") from error
 
 
 class Frames(Section):
@@ -158,10 +172,10 @@ class Masks(Section):
     )
 
 
-class Summary(Section):
+class Overlay(Section):
     """The overlay video."""
 
-    overlay: bool = setting(True, "write overlay.mp4")
+    write: bool = setting(True, "write overlay.mp4")
 
 
 class Chunk(Section):
@@ -176,6 +190,7 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     video: Video = Video()
+    ignore: Ignore = Ignore()
     frames: Frames = Frames()
     flow: Flow = Flow()
     depth: Depth = Depth()
@@ -188,7 +203,7 @@ class Settings(BaseModel):
     affinity: Affinity = Affinity()
     groups: Groups = Groups()
     masks: Masks = Masks()
-    summary: Summary = Summary()
+    overlay: Overlay = Overlay()
     chunk: Chunk = Chunk()
 
     def flat(self) -> dict[str, Any]:

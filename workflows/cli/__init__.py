@@ -1,0 +1,58 @@
+"""The command line: ``zsmoseg COMMAND``; one file a command, each imported only when it is called."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from zsmoseg import __version__
+from zsmoseg.errors import ZsmosegError
+
+COMMANDS = {
+    "run": "segment videos: what is missing is computed, the rest is kept",
+    "demo": "render a synthetic clip, segment it and score it",
+    "status": "what the store holds of each video",
+    "explain": "why each object was called moving or static",
+    "verify": "check every file of the store; exits with 1 when something is wrong",
+    "gc": "remove what no remembered run reaches",
+    "runs": "the runs that the store remembers",
+    "settings": "all settings: default, unit, allowed values, meaning",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; the exit code is 0, 1 (verify found something), 2 (bad input) or 130 (Ctrl-C)."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    command = words[0] if words and words[0] in COMMANDS else None
+    parser = _parser(command)
+    options = parser.parse_args(words)
+    if command is None:
+        parser.print_help()
+        return 2
+    try:
+        return int(import_module(f"zsmoseg.workflows.cli.{command}").main(options))
+    except ZsmosegError as error:
+        print(f"zsmoseg: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("zsmoseg: interrupted; what was finished is kept", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+
+
+def _parser(command: str | None) -> argparse.ArgumentParser:
+    """The parser; only the called command's options are built."""
+    parser = argparse.ArgumentParser(
+        "zsmoseg", description="Finds what moves by itself in a video from a moving camera, without training."
+    )
+    parser.add_argument("--version", action="version", version=f"zsmoseg {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", title="commands")
+    for name, what in COMMANDS.items():
+        sub = commands.add_parser(name, help=what, description=what)
+        if name == command:
+            import_module(f"zsmoseg.workflows.cli.{name}").options(sub)
+    return parser

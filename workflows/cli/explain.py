@@ -1,0 +1,53 @@
+"""``zsmoseg explain VIDEO``: why each object was called moving or static, in words."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from zsmoseg.workflows.cli.common import store_option, store_path
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``explain``."""
+    parser.add_argument("video", help="name of a video in the store (see zsmoseg status)")
+    store_option(parser)
+    parser.add_argument("--object", type=int, metavar="N", help="only this object (value in the labels)")
+    parser.add_argument("--run", help="of this run instead of the latest (see zsmoseg runs)")
+
+
+def main(options: argparse.Namespace) -> int:
+    """Print the evidence."""
+    from zsmoseg.errors import StoreError
+    from zsmoseg.workflows.result import open_store
+
+    result = open_store(store_path(options.store)).get(options.video, options.run)
+    table, moving = result.objects, result.moving()
+    if options.object is not None and options.object not in table["object"]:
+        raise StoreError(f"{options.video} has no object {options.object}; there are 0 to {table['object'].max()}")
+    rows = [
+        {name: column[i] for name, column in table.items()}
+        for i in range(len(table["object"]))
+        if options.object in (None, table["object"][i]) and table["object"][i] > 0
+    ]
+    if not rows:
+        print("nothing was proposed: no superpixel stands out from the camera's motion")
+    for row in rows:
+        print(sentence(row, int(moving[:, row["object"]].sum())))
+    return 0
+
+
+def sentence(row: dict[str, Any], frames_moving: int) -> str:
+    """The evidence for one object in words."""
+    seen = f"object {row['object']}: seen in {row['frames']} frames, {row['area']} pixels in all"
+    evidence = (
+        f"one motion for it and the static world costs {row['score']:.3f} px more than a motion of its own; "
+        f"the threshold is {row['threshold']:.3f} px"
+    )
+    if row["group"] == 0:
+        return f"{seen}; {evidence}: static"
+    joined = "" if row["score"] > row["threshold"] else ", joined by nearness and time to a thing that moves"
+    return (
+        f"{seen}; {evidence}: group {row['group']}, thing {row['thing']}, "
+        f"moving in {frames_moving} frames{joined}"
+    )

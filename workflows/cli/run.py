@@ -1,0 +1,85 @@
+"""``zsmoseg run``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from zsmoseg.workflows.cli.common import OUT, store_option, store_path
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``run``."""
+    add = parser.add_argument
+    add("sources", nargs="+", metavar="SOURCE", help="video file, folder of frames, glob, or dataset folder")
+    add("-o", "--out", type=Path, default=Path(OUT), help=f"output folder (default: {OUT})")
+    store_option(parser)
+    add("--preset", default="default", help="default, or paper-core: the paper to the letter from proposals on")
+    add("--groups", metavar="auto|K", help="number of groups, the static one included (groups.count)")
+    add("--set", action="append", default=[], metavar="KEY=VALUE", help="one setting; see zsmoseg settings")
+    add("--config", type=Path, metavar="FILE", help="settings in TOML")
+    add("--scheduler", default="local", help="local, serial, the address of a Dask scheduler, or its file")
+    add("--workers", type=positive, help="worker processes of --scheduler local (default: the cores)")
+    add("--from", dest="start_from", metavar="STAGE", help="compute STAGE and all that hangs on it again")
+    add("--until", metavar="STAGE", help="stop after STAGE")
+    add("--dry-run", action="store_true", help="print what would be done, and why")
+    add("--start", metavar="T", help="first frame: seconds, or 300f (video.start)")
+    add("--end", metavar="T", help="end, exclusive: seconds, or 300f (video.end)")
+    add("--every", metavar="N", help="use every n-th frame (video.every)")
+    add("--ignore", metavar="MASK.png", help="pixels that count for nothing (ignore.mask)")
+    add("--allow-truncated", action="store_true", help="use what can be decoded of a damaged video")
+
+
+def positive(text: str) -> int:
+    """An integer of at least 1."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text}: expected 1 or more")
+    return value
+
+
+def overrides(options: argparse.Namespace) -> dict[str, Any]:
+    """The settings given on the command line, by dotted name."""
+    from zsmoseg.settings import parse_override
+
+    given = dict(parse_override(text) for text in options.set)
+    named = {
+        "groups.count": options.groups,
+        "video.start": options.start,
+        "video.end": options.end,
+        "video.every": options.every,
+        "ignore.mask": options.ignore,
+        "video.allow_truncated": options.allow_truncated or None,
+    }
+    return given | {name: value for name, value in named.items() if value is not None}
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run; 2 if a video failed."""
+    from zsmoseg.settings import resolve
+    from zsmoseg.workflows.run import Request, dry_run, run
+
+    request = Request(
+        options.sources,
+        options.out,
+        store_path(options.store, options.out),
+        resolve(options.preset, options.config, overrides(options)),
+        options.scheduler,
+        options.workers,
+        options.start_from,
+        options.until,
+    )
+    if options.dry_run:
+        for line in dry_run(request):
+            print(line)
+        return 0
+    from zsmoseg.workflows.progress import make_watcher
+
+    with make_watcher() as watcher:
+        report = run(request, watcher)
+    if report.failures:
+        print(f"zsmoseg: {len(report.failures)} of {len(report.failures) + len(report.summaries)} videos failed", file=sys.stderr)
+        return 2
+    return 0

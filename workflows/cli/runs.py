@@ -1,0 +1,23 @@
+"""``zsmoseg runs``."""
+
+from __future__ import annotations
+
+import argparse
+
+from zsmoseg.workflows.cli.common import store_option, store_path
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``runs``."""
+    store_option(parser)
+
+
+def main(options: argparse.Namespace) -> int:
+    """A line a run, the latest last."""
+    from zsmoseg.stores.location import Store
+    from zsmoseg.stores.records import list_runs
+
+    for record in list_runs(Store.open(store_path(options.store), create=False)):
+        videos = ", ".join(record["videos"])
+        print(f"{record['id']}  {record['outcome']:<11}  {len(record['videos'])} videos: {videos[:60]}")
+    return 0

@@ -1,0 +1,28 @@
+"""``zsmoseg verify``."""
+
+from __future__ import annotations
+
+import argparse
+
+from zsmoseg.workflows.cli.common import store_option, store_path
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``verify``."""
+    store_option(parser)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Name every file that is missing, of wrong size or of wrong content; 1 if there is one."""
+    from zsmoseg.stores.location import Store
+    from zsmoseg.stores.upkeep import verify
+
+    store = Store.open(store_path(options.store), create=False)
+    damages = verify(store)
+    for damage in damages:
+        print(f"{damage.path}: {damage.what}")
+    if damages:
+        print(f"{len(damages)} problems; the same zsmoseg run command again redoes what is damaged")
+    else:
+        print(f"{store.path}: every file is as it was written")
+    return 1 if damages else 0

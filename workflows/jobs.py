@@ -1,0 +1,121 @@
+"""One part of one stage, as it runs on a worker: small arguments in, arrays through the store, a small record out."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from types import SimpleNamespace
+from typing import Any
+
+from zsmoseg.errors import ZsmosegError
+
+
+@dataclass(frozen=True)
+class Job:
+    """One part of one stage of one video; small, and can be pickled. ``frames`` is the key that holds the probe."""
+
+    store: str
+    video: str
+    stage: str
+    key: str
+    part: int
+    start: int
+    stop: int
+    frames: str
+    settings: Mapping[str, Any]
+    inputs: Mapping[str, str]
+    out: str = ""
+
+    @property
+    def name(self) -> str:
+        """Readable and unique within a run."""
+        return f"{self.stage}-{self.video}-{self.key[:10]}-{self.part:04d}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a job: done, failed (why) or skipped because something before it failed."""
+
+    state: str
+    seconds: float = 0.0
+    memory_mb: float = 0.0
+    facts: Mapping[str, Any] | None = None
+    error: str = ""
+    trace: str = ""
+
+
+def run_job(job: Job, *before: Outcome) -> Outcome:
+    """Run one part unless its record says that it is done; never raises on what a task can do wrong."""
+    if any(outcome.state != "done" for outcome in before):
+        return Outcome("skipped")
+    limit_threads()
+    try:
+        return _run(job)
+    except ZsmosegError as error:
+        return Outcome("failed", error=str(error))
+    except MemoryError:
+        return Outcome("failed", error="out of memory; use fewer workers (--workers) or a smaller chunk.length")
+    except Exception as error:
+        what = f"unexpected {type(error).__name__}: {error}"
+        return Outcome("failed", error=what, trace=traceback.format_exc())
+
+
+def _run(job: Job) -> Outcome:
+    from zsmoseg.stores.location import Store
+    from zsmoseg.video import Probe
+    from zsmoseg.workflows.stage import Task
+    from zsmoseg.workflows.stages import STAGES
+
+    clock = time.perf_counter()
+    stage, store = STAGES[job.stage], Store.open(job.store, create=False)
+    inputs = {name: store.artifact(job.video, name, key) for name, key in job.inputs.items()}
+    described = store.artifact(job.video, "frames", job.frames).description
+    assert described is not None
+    task = Task(
+        Probe.from_json(described["probe"]), job.start, job.stop, _namespace(job.settings), inputs, job.out
+    )
+    if stage.output:
+        facts = dict(stage.task(task).facts)
+        return Outcome("done", time.perf_counter() - clock, peak_memory_mb(), facts)
+    artifact = store.artifact(job.video, job.stage, job.key)
+    record = artifact.part(job.part)
+    if record is None or artifact.part_problem(job.part):
+        left = stage.task(task)
+        with artifact.writer(job.part) as writer:
+            writer.put_arrays(left.arrays)
+            writer.put_tables(left.tables)
+            for group, tables in left.groups.items():
+                writer.put_tables(tables, group)
+            writer.facts = {**left.facts, "seconds": round(time.perf_counter() - clock, 4)}
+    return Outcome("done", time.perf_counter() - clock, peak_memory_mb())
+
+
+def limit_threads() -> None:
+    """One thread a worker: the libraries' own threads would crowd the cores, and change nothing else."""
+    import cv2
+
+    if cv2.getNumThreads() != 1:
+        cv2.setNumThreads(1)
+
+
+def peak_memory_mb() -> float:
+    """Largest resident size of this process so far."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)
+
+
+def _namespace(settings: Mapping[str, Any]) -> SimpleNamespace:
+    """Sections by name, as validated objects, and nothing that was not declared."""
+    from zsmoseg.settings import Settings
+
+    full = Settings.model_validate(dict(settings))
+    return SimpleNamespace(**{section: getattr(full, section) for section in settings})
+
+
+def as_dict(outcome: Outcome) -> dict[str, Any]:
+    """For run records."""
+    return asdict(outcome)

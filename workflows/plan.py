@@ -1,0 +1,235 @@
+"""What is done, what is missing and why, for one video; nothing here computes or writes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+from zsmoseg.errors import SettingsError
+from zsmoseg.settings import Settings
+from zsmoseg.stores.artifact import Artifact
+from zsmoseg.stores.keys import key as artifact_key
+from zsmoseg.stores.location import Store
+from zsmoseg.stores.output import Output
+from zsmoseg.stores.schema import FORMAT
+from zsmoseg.video import Probe
+from zsmoseg.workflows.stage import ALL, Stage
+from zsmoseg.workflows.stages import STAGES
+
+
+@dataclass
+class StagePlan:
+    """One stage of one video: its key, how it is cut, which parts are to do, and why."""
+
+    stage: Stage
+    key: str
+    inputs: dict[str, str]
+    settings: dict[str, Any]
+    parts: list[tuple[int, int]]
+    todo: list[int] = field(default_factory=list)
+    reason: str = "done"
+    artifact: Artifact | None = None
+
+    def sections(self) -> SimpleNamespace:
+        """The settings read, by section."""
+        full = Settings.model_validate(self.settings)
+        return SimpleNamespace(**{name: getattr(full, name) for name in self.settings})
+
+    @property
+    def frames_todo(self) -> int:
+        """Frames of the parts to do."""
+        return sum(self.parts[i][1] - self.parts[i][0] for i in self.todo)
+
+
+@dataclass
+class VideoPlan:
+    """One video: the stages in order."""
+
+    source: str
+    name: str
+    video: str
+    fingerprint: str
+    probe: Probe
+    stages: dict[str, StagePlan]
+    output: Output
+
+    @property
+    def files(self) -> list[str]:
+        """Every file that the plan leaves in the output folder."""
+        frames = len(self.probe.times)
+        return [
+            name
+            for s in self.stages.values()
+            if s.stage.files is not None
+            for name in s.stage.files(self.probe, 0, frames, s.sections())
+        ]
+
+    @property
+    def todo(self) -> int:
+        """Number of parts to do."""
+        return sum(len(stage.todo) for stage in self.stages.values())
+
+    def before(self, stage: StagePlan, part: int) -> list[tuple[str, int]]:
+        """The (stage, part) that part ``part`` of ``stage`` reads."""
+        start, stop = stage.parts[part]
+        return [
+            (name, i)
+            for name, reach in stage.stage.inputs.items()
+            for i, (a, b) in enumerate(self.stages[name].parts)
+            if reach == ALL or (a < stop + reach and b > start)
+        ]
+
+
+def plan_video(
+    store: Store,
+    source: str,
+    name: str,
+    video: str,
+    fingerprint: str,
+    probe: Probe,
+    settings: Settings,
+    out: str,
+    start_from: str | None = None,
+    until: str | None = None,
+) -> VideoPlan:
+    """The plan of one video.
+
+    Raises
+    ------
+    SettingsError
+        ``start_from`` or ``until`` name no stage.
+    OutputError
+        The output folder is not ours.
+    """
+    for option, value in (("--from", start_from), ("--until", until)):
+        if value is not None and value not in STAGES:
+            raise SettingsError(f"{option} {value}: no such stage; there are {', '.join(STAGES)}")
+    output = Output(out, video)
+    if until is None or any(STAGES[s].output for s in _needed(until)):
+        output.refuse_foreign()
+    plan = VideoPlan(source, name, video, fingerprint, probe, {}, output)
+    for stage_name in _needed(until):
+        plan.stages[stage_name] = _plan_stage(plan, store, STAGES[stage_name], settings)
+    again = _following(start_from) if start_from else set()
+    for stage in plan.stages.values():
+        _mark(plan, stage, stage.stage.name in again, start_from)
+    return plan
+
+
+def _needed(until: str | None) -> list[str]:
+    """The stages that ``until`` needs, itself included, in order; all without it."""
+    if until is None:
+        return list(STAGES)
+    needed = {until}
+    for name in reversed(STAGES):
+        if name in needed:
+            needed |= set(STAGES[name].inputs)
+    return [name for name in STAGES if name in needed]
+
+
+def _following(start: str) -> set[str]:
+    """The stage ``start`` and all that hangs on it."""
+    found = {start}
+    for name, stage in STAGES.items():
+        if found & set(stage.inputs):
+            found.add(name)
+    return found
+
+
+def _plan_stage(plan: VideoPlan, store: Store, stage: Stage, settings: Settings) -> StagePlan:
+    inputs = {name: plan.stages[name].key for name in stage.inputs}
+    sections = {name: getattr(settings, name) for name in stage.sections}
+    key = artifact_key(
+        FORMAT,
+        stage.name,
+        stage.version,
+        {name: section.active() for name, section in sections.items()},
+        inputs,
+        plan.fingerprint,
+    )
+    frames = len(plan.probe.times)
+    parts = [(0, frames)] if stage.scope == "video" else cut(frames, settings.chunk.length)
+    dumped = {name: section.model_dump(mode="json") for name, section in sections.items()}
+    artifact = None if stage.output else store.artifact(plan.video, stage.name, key)
+    if artifact is not None and stage.scope == "chunk" and artifact.parts:
+        parts = list(artifact.parts)
+    return StagePlan(stage, key, inputs, dumped, parts, artifact=artifact)
+
+
+def cut(frames: int, length: int) -> list[tuple[int, int]]:
+    """Chunks of ``length`` frames; the last one may be shorter."""
+    return [(a, min(a + length, frames)) for a in range(0, frames, length)]
+
+
+def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None) -> None:
+    """Which parts are to do, and the reason in words."""
+    problems = {i: problem for i in range(len(stage.parts)) if (problem := _problem(plan, stage, i))}
+    behind = {
+        i
+        for i in range(len(stage.parts))
+        if any(part in plan.stages[name].todo for name, part in plan.before(stage, i))
+    }
+    stage.todo = [i for i in range(len(stage.parts)) if again or i in problems or i in behind]
+    if not stage.todo:
+        return
+    if again:
+        stage.reason = f"asked for (--from {start_from})"
+    elif stage.artifact is not None and stage.artifact.description is None:
+        stage.reason = _what_changed(plan, stage)
+    elif problems:
+        first = next(iter(problems.values()))
+        stage.reason = f"{len(problems)} of {len(stage.parts)} parts to do: {first}"
+    else:
+        changed = sorted({name for i in stage.todo for name, p in plan.before(stage, i) if p in plan.stages[name].todo})
+        stage.reason = f"input redone: {', '.join(changed)}"
+
+
+def _problem(plan: VideoPlan, stage: StagePlan, part: int) -> str | None:
+    if stage.artifact is not None:
+        return stage.artifact.part_problem(part)
+    start, stop = stage.parts[part]
+    assert stage.stage.files is not None
+    return plan.output.problem(stage.stage.files(plan.probe, start, stop, stage.sections()), stage.key)
+
+
+def _what_changed(plan: VideoPlan, stage: StagePlan) -> str:
+    """Against the artifact of this stage that was used last."""
+    assert stage.artifact is not None
+    old = stage.artifact.sibling()
+    if old is None:
+        return "not computed yet"
+    words = differences(old.get("settings", {}), stage.settings)
+    if words:
+        return "; ".join(words)
+    if old.get("version") != stage.stage.version:
+        return f"stage version: {old.get('version')} -> {stage.stage.version}"
+    changed = [name for name, key in stage.inputs.items() if old.get("inputs", {}).get(name) != key]
+    return f"input changed: {', '.join(changed)}" if changed else "the source was read anew"
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """``setting flow.stride: 4 -> 5`` for every setting that differs."""
+    return [
+        f"setting {section}.{name}: {old.get(section, {}).get(name)} -> {value}"
+        for section, fields in new.items()
+        for name, value in fields.items()
+        if old.get(section, {}).get(name, value) != value
+    ]
+
+
+def explain_plan(plans: Sequence[VideoPlan]) -> list[str]:
+    """The plan as lines: one per video, one per stage to do."""
+    lines = []
+    for plan in plans:
+        done = [s.stage.name for s in plan.stages.values() if not s.todo]
+        lines.append(f"{plan.name}: {len(plan.probe.times)} frames, {plan.todo} parts to do")
+        lines += [
+            f"  {s.stage.name:<11} {len(s.todo):>4} of {len(s.parts)} parts  {s.reason}"
+            for s in plan.stages.values()
+            if s.todo
+        ]
+        if done:
+            lines.append(f"  done: {', '.join(done)}")
+    return lines

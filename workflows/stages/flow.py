@@ -1,0 +1,56 @@
+"""Stage ``flow``: optical flow of every pair in both directions, and which pairs are cuts or repeats."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from zsmoseg import flow
+from zsmoseg.stores.schema import ArraySpec
+from zsmoseg.video import Probe
+from zsmoseg.workflows.stage import Left, Stage, Task, working_size
+
+STATES = ("ok", "cut", "repeat")
+
+
+def arrays(probe: Probe, settings: SimpleNamespace) -> list[ArraySpec]:
+    """``forward``, ``backward`` (pair, component, y, x) in px of the working grid; ``state``, ``valid`` (pair)."""
+    pairs = len(probe.times) - 1
+    grid = working_size(probe, settings.frames.width)
+    return [
+        ArraySpec(
+            name,
+            ("pair", "component", "y", "x"),
+            (pairs, 2, *grid),
+            "int16",
+            -32768,
+            scale=1 / 64,
+            units="px",
+            long_name=f"{name} optical flow, x then y",
+        )
+        for name in ("forward", "backward")
+    ]
+
+
+def task(task: Task) -> Left:
+    """Flow of the pairs that start in one chunk."""
+    frames = task.inputs["frames"].read("frame", task.start, task.last_pair + 1)
+    forward, backward, states = [], [], []
+    for a, b in zip(frames[:-1], frames[1:], strict=True):
+        there, back = flow.between(a, b, task.settings.flow)
+        forward.append(there)
+        backward.append(back)
+        states.append(STATES.index(flow.pair_state(a, b, there, back, task.settings.flow)))
+    grid = task.grid
+    state = np.array(states, np.uint8)
+    return Left(
+        arrays={
+            "forward": np.stack(forward) if forward else np.zeros((0, 2, *grid), np.float32),
+            "backward": np.stack(backward) if backward else np.zeros((0, 2, *grid), np.float32),
+        },
+        tables={"state": state, "valid": state == 0},
+    )
+
+
+STAGE = Stage("flow", 1, task, inputs={"frames": 1}, sections=("frames", "flow"), arrays=arrays)

@@ -1,0 +1,82 @@
+"""summary.json: what came out of one video, with which settings, and what it took."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from zsmoseg import __version__
+from zsmoseg.settings import Settings
+from zsmoseg.workflows.plan import VideoPlan
+from zsmoseg.workflows.stages.masks import moving_objects, write_bytes
+
+NAME = "summary.json"
+
+
+def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
+    """Describe a finished video in its output folder, and clear the folder of what an older run left there."""
+    summary = summarise(plan, settings)
+    text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
+    plan.output.claim()
+    size = write_bytes(plan.output.path / NAME, text.encode())
+    plan.output.add({NAME: size}, plan.stages["groups"].key)
+    plan.output.remove_others([*plan.files, NAME])
+    return summary
+
+
+def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
+    """Objects, groups, evidence, warnings, settings, keys, seconds and memory per stage."""
+    groups = plan.stages["groups"].artifact
+    assert groups is not None
+    record = groups.part(0)
+    assert record is not None
+    table = groups.read_table(0)
+    group, frames = table["group"], len(plan.probe.times)
+    moving = moving_objects(groups, 0, frames, len(group))
+    return {
+        "zsmoseg": __version__,
+        "source": plan.source,
+        "fingerprint": plan.fingerprint,
+        "frames": frames,
+        "size": [plan.probe.width, plan.probe.height],
+        "objects": int((table["area"][1:] > 0).sum()),
+        "groups": len(np.unique(np.append(group, 0))),
+        "moving_groups": len(np.unique(group[group > 0])),
+        "moving_pixels_percent": _share(table["area"], group, plan),
+        "warnings": record.facts["warnings"],
+        "evidence": [
+            {
+                "object": int(n),
+                "group": int(group[n]),
+                "thing": int(table["thing"][n]),
+                "frames": int(table["frames"][n]),
+                "frames_moving": int(moving[:, n].sum()),
+                "pixels": int(table["area"][n]),
+                "excess_px": round(float(table["score"][n]), 4),
+                "threshold_px": round(float(table["threshold"][n]), 4),
+            }
+            for n in np.flatnonzero(table["area"] > 0)
+            if n > 0
+        ],
+        "settings": settings.flat(),
+        "keys": {name: stage.key for name, stage in plan.stages.items()},
+        "stages": {name: _cost(plan, name) for name, stage in plan.stages.items() if stage.artifact is not None},
+    }
+
+
+def _share(area: Any, group: Any, plan: VideoPlan) -> float:
+    """Percent of all pixels that belong to moving groups; areas are pixels of the displayed size."""
+    total = len(plan.probe.times) * plan.probe.width * plan.probe.height
+    return round(100.0 * float(area[group > 0].sum()) / total, 4)
+
+
+def _cost(plan: VideoPlan, name: str) -> dict[str, float]:
+    artifact = plan.stages[name].artifact
+    assert artifact is not None
+    records = [r for r in map(artifact.part, range(len(artifact.parts))) if r is not None]
+    return {
+        "seconds": round(sum(r.facts.get("seconds", 0.0) for r in records), 3),
+        "megabytes": round(sum(f["size"] for r in records for f in r.files.values()) / 1e6, 3),
+    }

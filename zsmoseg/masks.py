@@ -1,0 +1,83 @@
+"""From objects to masks: which group or thing every pixel belongs to, palette images, overlays."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+UInt8 = NDArray[np.uint8]
+
+
+def paint_table(
+    number: NDArray[np.int64], moving: NDArray[np.bool_] | None, when: Literal["ever", "now"]
+) -> NDArray[np.int64]:
+    """The look-up table from object to painted number at one frame.
+
+    Parameters
+    ----------
+    number : (objects,) group or thing of every object, 0 = static.
+    moving : (objects,) whether it moves at this frame; needed for ``when = "now"``.
+    when : paint a mover wherever it is seen, or only while it moves.
+    """
+    if when == "ever" or moving is None:
+        return number
+    return np.where(moving, number, 0)
+
+
+def palette() -> UInt8:
+    """The DAVIS palette, (256, 3) red green blue: the bits of the number, dealt to the channels from the top."""
+    number = np.arange(256)
+    colours = np.zeros((256, 3), np.uint8)
+    for bit in range(8):
+        for channel in range(3):
+            colours[:, channel] |= (((number >> (3 * bit + channel)) & 1) << (7 - bit)).astype(np.uint8)
+    return colours
+
+
+def encode_png(numbers: NDArray[np.integer[Any]]) -> bytes:
+    """A mask as PNG: palette up to 255, else 16-bit grey.
+
+    Parameters
+    ----------
+    numbers : (H, W) integers 0..65535.
+    """
+    from io import BytesIO
+
+    buffer = BytesIO()
+    if int(numbers.max(initial=0)) <= 255:
+        image = Image.fromarray(numbers.astype(np.uint8), mode=None).convert("L")
+        image = Image.frombytes("P", image.size, image.tobytes())
+        image.putpalette(palette().tobytes())
+    else:
+        image = Image.fromarray(numbers.astype(np.uint16))
+    image.save(buffer, "PNG", compress_level=2)
+    return buffer.getvalue()
+
+
+def overlay(frame: UInt8, mask: NDArray[np.integer[Any]], strength: float = 0.55) -> UInt8:
+    """Colour the groups of ``mask`` (H, W) on ``frame`` (H, W, 3, BGR) and draw their outline.
+
+    The hues go round the circle by the golden angle, so neighbours in number differ; group 1 is orange.
+    """
+    if not mask.any():
+        return frame.copy()
+    on = mask > 0
+    colours = group_colours(int(mask.max()))[mask]
+    mixed = cv2.addWeighted(frame, 1 - strength, colours, strength, 0)
+    out = np.where(on[..., None], mixed, frame)
+    edge = cv2.morphologyEx(mask.astype(np.uint16), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
+    out[edge & on] = colours[edge & on]
+    return np.asarray(out, np.uint8)
+
+
+def group_colours(highest: int) -> UInt8:
+    """(highest + 1, 3) BGR; number 0 is black."""
+    hue = (18 + 68.754 * np.arange(highest + 1)) % 180
+    hsv = np.stack([hue, np.full_like(hue, 230), np.full_like(hue, 255)], 1).astype(np.uint8)
+    colours = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2BGR)[0]
+    colours[0] = 0
+    return np.asarray(colours, np.uint8)
