@@ -94,13 +94,10 @@ class Flow(Section):
     descent: int = setting(12, "gradient descent steps of a patch", ge=1, le=256)
     refinement: int = setting(0, "variational refinement steps", ge=0, le=256)
     cut: float = setting(
-        0.35, "share of pixels that nothing in the other frame explains at which a pair is a cut", gt=0, le=1
+        0.58, "share of pixels that the other frame does not explain above which a pair is a cut", gt=0, le=1
     )
     repeat: float = setting(
-        0.25,
-        "mean grey difference at or below which a frame is a repeat of the one before",
-        "grey levels",
-        ge=0,
+        4.0, "difference of local means up to which a frame is a repeat of the one before", "grey levels", ge=0
     )
 
 
@@ -127,6 +124,42 @@ class Tables(Section):
 
 class Objects(Section):
     """Which superpixels are foreground, and which objects they form."""
+
+    top: float = setting(0.98, "quantile of a frame's motion that counts as full motion", gt=0, le=1)
+    top_window: int = setting(8, "frames on both sides whose median full motion is used", "frames", ge=0)
+    top_least: float = setting(1.0, "full motion is never less: what is slower stays weak", "px", gt=0)
+    flow_noise: float = setting(0.1, "steps of the flow below this are no boundary", "px", ge=0)
+    border_entry: float = setting(0.3, "cost of entering at the border per px of residual", ge=0)
+    border_colour: float = setting(
+        15.0, "colour path from the border that counts 63 % as closed", "Lab", gt=0
+    )
+    clean_error: float = setting(
+        0.05, "error forth and back per px of motion at which it counts half as clean", gt=0
+    )
+    clean_pad: float = setting(0.5, "added to that motion", "px", gt=0)
+    clean_top: float = setting(
+        0.9, "quantile of the cleanness of what moves that stands for the cleanest", gt=0, le=1
+    )
+    clean_from: float = setting(0.93, "cleanest up to which no cleanness is demanded", ge=0, le=1)
+    clean_full: float = setting(0.97, "cleanest from which all of it is demanded", ge=0, le=1)
+    clean_power: float = setting(1.5, "exponent of the demand", ge=0)
+    link_colour: float = setting(2.5, "colour distance at which a link loses 63 %", "Lab", gt=0)
+    link_time: float = setting(10.0, "weight of links in time against links in space", gt=0)
+    spread: float = setting(10.0, "strength of the diffusion along the links", ge=0)
+    window: int = setting(20, "frames on both sides that a threshold looks at", "frames", ge=0)
+    threshold_bins: int = setting(64, "levels tried as threshold", ge=2, le=4096)
+    threshold_low: float = setting(0.15, "smallest threshold, share of the top value", ge=0, lt=1)
+    threshold: float = setting(0.06, "smallest threshold", gt=0)
+    threshold_sure: float = setting(0.26, "first threshold at which the score is 1", gt=0)
+    score: float = setting(0.3, "a frame with less is empty", ge=0, le=1)
+    contrast_colour: float = setting(10.0, "colour distance that is 63 % of full contrast", "Lab", gt=0)
+    contrast_flow: float = setting(1.0, "flow distance that is 63 % of full contrast", "px", gt=0)
+    softness: float = setting(0.4, "softness of the foreground, in log(saliency / threshold)", gt=0)
+    vote_lightness: float = setting(6.0, "cell of the colour vote", "Lab", gt=0)
+    vote_colour: float = setting(4.0, "cell of the colour vote", "Lab", gt=0)
+    vote_place: float = setting(0.1, "cell of the colour vote, share of the width", gt=0)
+    vote_frames: float = setting(20.0, "cell of the colour vote", "frames", gt=0)
+    smallest: float = setting(0.0005, "smallest piece, share of the frame", ge=0, lt=1)
 
 
 class Labels(Section):

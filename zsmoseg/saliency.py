@@ -1,0 +1,215 @@
+"""Which superpixels move by themselves, over the frames of one shot.
+
+What sets them apart: motion that is not the camera's and is closed off from the border of the frame, spread over
+like neighbours in space and time, cut where motion and colour both change, and confirmed by colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg import settings
+from zsmoseg.appearance import vote
+from zsmoseg.spacetime import (
+    ERROR,
+    RESIDUAL,
+    Floats,
+    Window,
+    colour_distance,
+    diffuse,
+    from_border,
+    similarity,
+    window,
+    windowed,
+)
+from zsmoseg.tables import ChunkTables
+from zsmoseg.tracking import Ids, Tracker
+
+LENGTH = 240
+"""Frames that are decided on at once."""
+MARGIN = 30
+"""Frames beyond the window of the threshold that are looked at on both sides of them."""
+
+
+def find_objects(
+    load: Callable[[int, int], ChunkTables],
+    shot: tuple[int, int],
+    shape: tuple[int, int],
+    s: settings.Objects,
+) -> Iterator[tuple[NDArray[np.float32], Ids, float]]:
+    """The objects of a shot, frame by frame.
+
+    The shot is worked on in windows of ``LENGTH`` frames, counted from its start, so memory does not grow with it.
+
+    Parameters
+    ----------
+    load
+        ``load(a, b)`` gives the tables of the frames a to b - 1 and of the pairs inside them.
+    shot
+        First frame, and the one after the last; no cut inside.
+    shape
+        Height and width of the working grid, px.
+    s
+        The section ``objects`` of the settings.
+
+    Yields
+    ------
+    value
+        (superpixels) log(saliency / threshold) over ``softness``: above 0 is foreground.
+    ids
+        (superpixels) object, 1 upwards and stable over the shot; 0 where there is none.
+    score
+        0: nothing moves by itself, to 1: something surely does.
+    """
+    start, stop = shot
+    tracker = Tracker(s.smallest * shape[0] * shape[1])
+    margin = s.window + MARGIN
+    for first in range(start, stop, LENGTH):
+        low, high = max(first - margin, start), min(first + LENGTH + margin, stop)
+        w = window(load(low, high), low - start, shape)
+        verdict = judge(w, s)
+        for t in range(first - low, min(first + LENGTH, stop) - low):
+            yield (
+                verdict.value[w.of(t)].astype(np.float32),
+                _name(tracker, w, verdict, t, s),
+                verdict.score[t],
+            )
+
+
+def _name(tracker: Tracker, w: Window, verdict: Verdict, t: int, s: settings.Objects) -> Ids:
+    """Objects of one frame of a window."""
+    edges = slice(*w.edge_offset[t : t + 2])
+    links = slice(*w.link_offset[t - 1 : t + 1]) if t else slice(0, 0)
+    edge = w.edge[edges] - w.offset[t]
+    link = w.link[links] - w.offset[[max(t - 1, 0), t]]
+    foreground = (verdict.value[w.of(t)] > 0) & (verdict.score[t] >= s.score)
+    return tracker.step(foreground, w.size[w.of(t)], edge, link, w.carried[links])
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is found out about a window."""
+
+    value: Floats
+    """(nodes) log(saliency / threshold) / softness."""
+    score: Floats
+    """(F) 0 to 1."""
+
+
+def judge(w: Window, s: settings.Objects) -> Verdict:
+    """Value of every node and score of every frame of a window."""
+    weight = similarity(w, s.link_colour, s.link_time)
+    trust = np.where(w.known[w.frame], 1.0, 1e-3)
+    residual = camera_residual(w)
+    moving = motion(w, residual, s)
+    x = diffuse(weight, moving, s.spread, trust)
+    clean = moving * cleanness(w, residual, s)
+    x *= persistence(w, x, diffuse(weight, clean, s.spread, trust), s)
+    contrast = boundary_contrast(w, s)
+    threshold = thresholds(w, x, contrast, s)
+    score = np.clip((threshold - s.threshold) / (s.threshold_sure - s.threshold), 0, 1)
+    soft = 1 / (1 + np.exp(-_logit(w, x, threshold, s)))
+    x = diffuse(weight, (soft + vote(w, soft, s)) / 2, s.spread)
+    return Verdict(_logit(w, x, thresholds(w, x, contrast, s), s), score)
+
+
+def _logit(w: Window, x: Floats, threshold: Floats, s: settings.Objects) -> Floats:
+    return np.asarray(np.log(np.maximum(x, 1e-4) / threshold[w.frame]) / s.softness)
+
+
+def camera_residual(w: Window) -> Floats:
+    """(nodes) residual of the camera's motion, px: mean of both directions, each over 1 + error^2."""
+    one, two = 1 / (1 + w.forth[:, ERROR] ** 2), 1 / (1 + w.back[:, ERROR] ** 2)
+    return (one * w.forth[:, RESIDUAL] + two * w.back[:, RESIDUAL]) / (one + two)
+
+
+def motion(w: Window, residual: Floats, s: settings.Objects) -> Floats:
+    """(nodes) 0 to 1: moves unlike the camera, and is parted from the border of the frame by motion and colour."""
+    i, j = w.edge.T
+    forth = np.linalg.norm(w.forth[i, :2] - w.forth[j, :2], axis=1)
+    back = np.linalg.norm(w.back[i, :2] - w.back[j, :2], axis=1)
+    closed = from_border(w, np.maximum((forth + back) / 2 - s.flow_noise, 0), s.border_entry * residual)
+    parted = from_border(w, colour_distance(w, w.edge), np.zeros(len(w.frame)))
+    moves = np.sqrt(relative(w, residual, s) * relative(w, closed, s))
+    return np.asarray(moves * (1 - np.exp(-parted / s.border_colour)))
+
+
+def relative(w: Window, x: Floats, s: settings.Objects) -> Floats:
+    """(nodes) ``x`` over what is high for a frame around this one, at most 1.
+
+    High is the ``top`` quantile of a frame; the median of it over the frames up to ``top_window`` away, and at
+    least ``top_least``.
+    """
+    high = np.array([np.quantile(x[w.of(t)], s.top) if w.known[t] else np.nan for t in range(w.frames)])
+    around = (high[max(0, t - s.top_window) : t + s.top_window + 1] for t in range(w.frames))
+    middle = np.array([np.median(part[~np.isnan(part)]) if (part > 0).any() else 0 for part in around])
+    return np.minimum(x / np.maximum(middle, s.top_least)[w.frame], 1)
+
+
+def cleanness(w: Window, residual: Floats, s: settings.Objects) -> Floats:
+    """(nodes) 0 to 1: how well the flow closes forth and back, for the motion that there is."""
+    error = np.minimum(w.forth[:, ERROR], w.back[:, ERROR]) / (residual + s.clean_pad)
+    return np.asarray(1 / (1 + (error / s.clean_error) ** 2))
+
+
+def persistence(w: Window, x: Floats, clean: Floats, s: settings.Objects) -> Floats:
+    """(nodes) weight 0 to 1 of the saliency ``x``, of which ``clean`` comes from flow that closes.
+
+    Spray, waves and smoke form and dissolve, so their flow does not close. That counts against them only where
+    something else that moves in the frames around is clean: the flow of thin and fast things does not close either.
+    """
+    share = np.clip(clean / np.maximum(x, 1e-6), 0, 1)
+    bins = s.threshold_bins
+    key = w.frame * bins + np.minimum((share * bins).astype(np.int64), bins - 1)
+    count = np.bincount(key, w.size * x**2, w.frames * bins).reshape(w.frames, bins)
+    count = np.cumsum(windowed(count, s.window), 1)
+    best = ((count < s.clean_top * count[:, -1:]).sum(1) + 0.5) / bins
+    demand = np.clip((best - s.clean_from) / (s.clean_full - s.clean_from), 0, 1)
+    return np.asarray(np.minimum(share / best[w.frame], 1) ** (s.clean_power * demand[w.frame]))
+
+
+def boundary_contrast(w: Window, s: settings.Objects) -> Floats:
+    """(edges) 0 to 1: how much motion and colour both change."""
+    i, j = w.edge.T
+    forth = np.linalg.norm(w.forth[i, :2] - w.forth[j, :2], axis=1)
+    back = np.linalg.norm(w.back[i, :2] - w.back[j, :2], axis=1)
+    colour = 1 - np.exp(-colour_distance(w, w.edge) / s.contrast_colour)
+    return np.asarray(colour * (1 - np.exp(-np.minimum(forth, back) / s.contrast_flow)))
+
+
+def thresholds(w: Window, x: Floats, contrast: Floats, s: settings.Objects) -> Floats:
+    """(F) the threshold of ``x`` (nodes) that parts two classes best, over the frames up to ``window`` away.
+
+    Of ``threshold_bins`` levels the one with the largest product of the share of the variance that lies between
+    the classes (Otsu 1979) and of the mean ``contrast`` (edges) along the boundary between them.
+    """
+    bins = s.threshold_bins
+    top = max(np.quantile(x, 0.99), 1e-6)
+    level = np.clip((x / top * bins).astype(np.int64), 0, bins - 1)
+    on = w.known.astype(np.float64)[w.frame]
+
+    def table(nodes: NDArray[np.int64], key: NDArray[np.int64], count: Floats) -> Floats:
+        return np.bincount(w.frame[nodes] * bins + key, count, w.frames * bins).reshape(w.frames, bins)
+
+    i, j = w.edge.T
+    low, high = np.minimum(level[i], level[j]), np.maximum(level[i], level[j])
+
+    def along(count: Floats) -> Floats:
+        count = count * on[i]
+        return windowed(np.cumsum(table(i, low, count) - table(i, high, count), 1), s.window)
+
+    cut = along(w.boundary * contrast) / np.maximum(along(w.boundary), 1e-9)
+    count = windowed(table(np.arange(len(x)), level, w.size * on), s.window)
+    centre = (np.arange(bins) + 0.5) / bins
+    below, moment = np.cumsum(count, 1), np.cumsum(count * centre, 1)
+    total = np.maximum(below[:, -1:], 1e-9)
+    mean = moment[:, -1:] / total
+    variance = np.maximum((count * centre**2).sum(1, keepdims=True) / total - mean**2, 1e-12)
+    between = (mean * below - moment) ** 2 / np.maximum(below * (total - below), 1e-9) / variance
+    allowed = (np.arange(bins) / bins >= s.threshold_low) & (total - below > 0.002 * total)
+    best = np.where(allowed, between * cut, -1).argmax(1)
+    return np.maximum((best + 1) / bins * top, s.threshold)

@@ -1,0 +1,243 @@
+"""What the embedded default measures on the superpixels of a frame and between those of two frames.
+
+Every number depends on one frame or one pair of frames only, so a video may be cut into chunks anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg import kernels, settings
+from zsmoseg.flow import PairState
+from zsmoseg.superpixels import lab
+
+OK, CUT, REPEAT = range(3)
+STATES: tuple[PairState, ...] = ("ok", "cut", "repeat")
+
+
+@dataclass(frozen=True)
+class ChunkTables:
+    """The tables of F frames that follow each other and of P pairs: all that start in them, or all but the last.
+
+    Ragged arrays hold the rows of all frames or pairs one after the other; those of the k-th are
+    ``offset[k]:offset[k + 1]``. Superpixels are numbered within their frame.
+    """
+
+    node_offset: NDArray[np.int64]
+    """(F + 1) into ``node``, and into ``forth``, which lacks the last frame where P = F - 1."""
+    node: NDArray[np.float32]
+    """(nodes, 7) size in px without ignored ones, mean y, x, L, a, b, pixels within 2 px of the frame's border."""
+    edge_offset: NDArray[np.int64]
+    """(F + 1) into ``edge`` and ``boundary``."""
+    edge: NDArray[np.uint16]
+    """(edges, 2) superpixels of one frame that touch."""
+    boundary: NDArray[np.int32]
+    """(edges) length of their common boundary, px."""
+    state: NDArray[np.uint8]
+    """(P) index into ``STATES``; a cut has no links and zero flow."""
+    forth: NDArray[np.float32]
+    """(nodes, 4) of a pair's first frame: mean flow x, y, residual of the camera's motion, forth-and-back error, px."""
+    back_offset: NDArray[np.int64]
+    """(P + 1) into ``back``."""
+    back: NDArray[np.float32]
+    """(nodes, 4) the same of a pair's second frame, towards the first."""
+    link_offset: NDArray[np.int64]
+    """(P + 1) into ``link`` and ``carried``."""
+    link: NDArray[np.uint16]
+    """(links, 2) superpixel of the first frame, superpixel of the second."""
+    carried: NDArray[np.int32]
+    """(links, 2) pixels that the flow carries from one to the other, forth and back."""
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays by name, for storage."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, NDArray[Any]]) -> ChunkTables:
+        """From what ``arrays`` gave."""
+        return cls(**{field.name: np.asarray(arrays[field.name]) for field in fields(cls)})
+
+    @classmethod
+    def join(cls, chunks: Sequence[ChunkTables]) -> ChunkTables:
+        """Chunks that follow each other as one; all but the last must have P = F."""
+        values: dict[str, NDArray[Any]] = {}
+        for name in (field.name for field in fields(cls)):
+            parts = [getattr(chunk, name) for chunk in chunks]
+            if name.endswith("offset"):
+                ends = np.cumsum([0, *(part[-1] for part in parts)])
+                rest = [part[1:] + end for part, end in zip(parts, ends[:-1], strict=True)]
+                values[name] = np.concatenate([parts[0][:1], *rest])
+            else:
+                values[name] = np.concatenate(parts)
+        return cls(**values)
+
+    def part(self, start: int, stop: int) -> ChunkTables:
+        """Frames ``start`` to ``stop - 1``, counted from the first of these tables, and the pairs inside them."""
+        pairs = max(min(stop - 1, len(self.state)), start)
+        n, e, b, k = self.node_offset, self.edge_offset, self.back_offset, self.link_offset
+        return ChunkTables(
+            node_offset=n[start : stop + 1] - n[start],
+            node=self.node[n[start] : n[stop]],
+            edge_offset=e[start : stop + 1] - e[start],
+            edge=self.edge[e[start] : e[stop]],
+            boundary=self.boundary[e[start] : e[stop]],
+            state=self.state[start:pairs],
+            forth=self.forth[n[start] : n[pairs]],
+            back_offset=b[start : pairs + 1] - b[start],
+            back=self.back[b[start] : b[pairs]],
+            link_offset=k[start : pairs + 1] - k[start],
+            link=self.link[k[start] : k[pairs]],
+            carried=self.carried[k[start] : k[pairs]],
+        )
+
+
+def chunk_tables(
+    frames: NDArray[np.uint8],
+    segments: NDArray[np.uint16],
+    forward: NDArray[np.float32],
+    backward: NDArray[np.float32],
+    states: Sequence[PairState],
+    length: int,
+    ignore: NDArray[np.bool_] | None,
+    s: settings.Tables,
+) -> ChunkTables:
+    """Measure the frames of a chunk and the pairs that start in them.
+
+    Parameters
+    ----------
+    frames, segments
+        (n, h, w, 3) and (n, h, w): the frames of the chunk and, where the video goes on, the one after them.
+    forward, backward, states
+        (n - 1, 2, h, w), (n - 1, 2, h, w) px and n - 1 states of their pairs.
+    length
+        Frames of the chunk: n, or n - 1 where the last one given belongs to the next chunk.
+    ignore
+        (h, w), true where pixels count for nothing.
+    s
+        The section ``tables`` of the settings.
+    """
+    valid = np.ones(segments.shape[1:], np.bool_) if ignore is None else ~ignore
+    counts = [int(segment.max()) + 1 for segment in segments]
+    node, edge, boundary = [], [], []
+    for frame, segment, count in zip(frames[:length], segments, counts, strict=False):
+        nodes, pairs = kernels.measure_frame(segment, count, lab(frame), valid)
+        first, second, lengths = _count(pairs, count, count)
+        node.append(nodes)
+        edge.append(np.stack([first, second], 1))
+        boundary.append(lengths)
+    forth, back, link, carried = [], [], [], []
+    for m, state in enumerate(states):
+        one = _Side(segments[m], counts[m], forward[m])
+        two = _Side(segments[m + 1], counts[m + 1], backward[m])
+        there, back_again, links, pixels = _pair(one, two, state, valid, s)
+        forth.append(there)
+        back.append(back_again)
+        link.append(links)
+        carried.append(pixels)
+    return ChunkTables(
+        node_offset=_offsets(node),
+        node=_stack(node, 7, np.float32),
+        edge_offset=_offsets(edge),
+        edge=_stack(edge, 2, np.uint16),
+        boundary=np.concatenate(boundary).astype(np.int32),
+        state=np.array([STATES.index(state) for state in states], np.uint8),
+        forth=_stack(forth, 4, np.float32),
+        back_offset=_offsets(back),
+        back=_stack(back, 4, np.float32),
+        link_offset=_offsets(link),
+        link=_stack(link, 2, np.uint16),
+        carried=_stack(carried, 2, np.int32),
+    )
+
+
+def _offsets(parts: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
+    return np.cumsum([0, *map(len, parts)], dtype=np.int64)
+
+
+def _stack(parts: Sequence[NDArray[Any]], columns: int, dtype: type) -> NDArray[Any]:
+    return np.concatenate([np.zeros((0, columns), dtype), *parts]).astype(dtype)
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One frame of a pair: its superpixels, their number, and the flow (2, h, w) to the other frame."""
+
+    segment: NDArray[np.uint16]
+    count: int
+    flow: NDArray[np.float32]
+
+
+def _pair(
+    one: _Side, two: _Side, state: PairState, valid: NDArray[np.bool_], s: settings.Tables
+) -> tuple[NDArray[Any], ...]:
+    """Both directions of one pair: statistics of either frame, links, and the pixels they carry."""
+    if state == "cut":
+        return (np.zeros((one.count, 4)), np.zeros((two.count, 4)), np.zeros((0, 2)), np.zeros((0, 2)))
+    there, links_there = _measure_pair(one, two, valid, s)
+    back, links_back = _measure_pair(two, one, valid, s)
+    i, j, forth = _count(links_there, one.count, two.count)
+    j_back, i_back, backward = _count(links_back, two.count, one.count)
+    key, row = np.unique(np.r_[i * two.count + j, i_back * two.count + j_back], return_inverse=True)
+    pixels = np.zeros((len(key), 2), np.int64)
+    pixels[row[: len(i)], 0] = forth
+    pixels[row[len(i) :], 1] = backward
+    return there, back, np.stack([key // two.count, key % two.count], 1), pixels
+
+
+def _measure_pair(
+    one: _Side, two: _Side, valid: NDArray[np.bool_], s: settings.Tables
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    camera = camera_motion(one.flow, valid, s)
+    return kernels.measure_direction(one.segment, one.count, two.segment, one.flow, two.flow, camera, valid)
+
+
+def camera_motion(
+    flow: NDArray[np.float32], valid: NDArray[np.bool_], s: settings.Tables
+) -> NDArray[np.float64]:
+    """The flow that most of the frame follows: a quadratic field, fitted robustly.
+
+    Iteratively re-weighted least squares with weights 1 / (1 + (r / scale)^2)^2, scale = 1.48 median of the
+    residuals r and at least 0.1 px.
+
+    Parameters
+    ----------
+    flow
+        (2, h, w) px.
+    valid
+        (h, w) pixels that count.
+
+    Returns
+    -------
+    (6, 2): factors of 1, x, y, x^2, x y, y^2 (rows) for the flow in x and y; x and y are counted from the centre
+    of the frame in half widths. Zero where no pixel counts.
+    """
+    _, height, width = flow.shape
+    sample = (slice(s.ego_stride // 2, None, s.ego_stride),) * 2
+    counts = valid[sample]
+    y, x = (
+        axis[counts].astype(np.float64)
+        for axis in np.mgrid[sample[0].start : height : s.ego_stride, sample[1].start : width : s.ego_stride]
+    )
+    x, y = (x - width / 2) / (width / 2), (y - height / 2) / (width / 2)
+    basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 1)
+    target = flow[:, *sample][:, counts].T.astype(np.float64)
+    weight, field = np.ones(len(x)), np.zeros((6, 2))
+    for _ in range(s.ego_rounds if len(x) else 0):
+        weighted = basis * weight[:, None]
+        field = np.linalg.solve(weighted.T @ basis + 1e-4 * np.eye(6), weighted.T @ target)
+        residual = np.hypot(*(target - basis @ field).T)
+        weight = 1 / (1 + (residual / max(1.4826 * np.median(residual), 0.1)) ** 2) ** 2
+    return field
+
+
+def _count(
+    pairs: NDArray[np.int64], first: int, second: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """The different keys i * second + j of ``pairs`` in order: i, j, and how often each is there."""
+    key, times = np.unique(pairs, return_counts=True)
+    return key // second, key % second, times
