@@ -87,9 +87,9 @@ def _run(job: Job) -> Outcome:
         left = stage.task(task)
         with artifact.writer(job.part) as writer:
             writer.put_arrays(left.arrays)
-            writer.put_tables(left.tables)
-            for group, tables in left.groups.items():
+            for group, tables in left.groups:
                 writer.put_tables(tables, group)
+            writer.put_tables(left.tables)
             writer.facts = {**left.facts, "seconds": round(time.perf_counter() - clock, 4)}
     return Outcome("done", time.perf_counter() - clock, peak_memory_mb())
 

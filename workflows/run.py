@@ -289,7 +289,7 @@ def _finish(store: Store, plan: VideoPlan, request: Request, report: Report, wat
     """Seal what is complete; clear and describe the output folder."""
     for stage in plan.stages.values():
         if stage.artifact is not None and stage.artifact.done is None:
-            stage.artifact.seal({})
+            stage.artifact.seal()
     summary = None
     if any(stage.stage.output for stage in plan.stages.values()):
         summary = write_summary(plan, request.settings)

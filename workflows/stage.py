@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -11,7 +11,7 @@ import numpy as np
 
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.schema import ArraySpec
-from zsmoseg.video import Probe
+from zsmoseg.video import Probe, read_ignore
 
 Array = np.ndarray[Any, Any]
 ALL = -1
@@ -20,11 +20,14 @@ ALL = -1
 
 @dataclass(frozen=True)
 class Left:
-    """What a task leaves: video arrays (this part's frames or pairs), tables of its own, small facts."""
+    """What a task leaves: video arrays (this part's frames or pairs), tables of its own, small facts.
+
+    ``groups`` are written one by one before ``tables``, so a long task may make them as it goes.
+    """
 
     arrays: Mapping[str, Array] = field(default_factory=dict)
     tables: Mapping[str, Array] = field(default_factory=dict)
-    groups: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    groups: Iterable[tuple[str, Mapping[str, Array]]] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -48,6 +51,16 @@ class Task:
     def grid(self) -> tuple[int, int]:
         """Height and width of the working grid."""
         return working_size(self.probe, self.settings.frames.width)
+
+    @property
+    def ignored(self) -> Array | None:
+        """(h, w) true where pixels count for nothing, on the working grid; None without a mask."""
+        return self.ignored_at(*self.inputs["frames"].shape("frame")[1:3])
+
+    def ignored_at(self, height: int, width: int) -> Array | None:
+        """The same at another size."""
+        mask = self.settings.ignore.mask
+        return read_ignore(mask, height, width) if mask else None
 
     @property
     def last_pair(self) -> int:

@@ -11,23 +11,26 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print the table."""
-    from rich.console import Console
-    from rich.table import Table
+    """Two lines a setting: name, default, unit, allowed values; meaning and the stages that read it.
 
-    from zsmoseg.settings import defaults, describe
+    Raises
+    ------
+    SettingsError
+        If no name contains ``name``.
+    """
+    from zsmoseg.errors import SettingsError
+    from zsmoseg.settings import PRESETS, defaults, describe
     from zsmoseg.workflows.stages import STAGES
 
-    table = Table("setting", "default", "unit", "allowed", "stages that read it", "meaning", box=None, pad_edge=False)
-    for name in defaults():
-        if options.name in name:
-            about = describe(name)
-            readers = ", ".join(s.name for s in STAGES.values() if name.split(".")[0] in s.sections) or "-"
-            row = about["name"], about["default"], about["unit"], about["allowed"], readers, about["meaning"]
-            table.add_row(*map(_plain, row))
-    Console(highlight=False).print(table)
+    names = [name for name in defaults() if options.name in name]
+    if not names:
+        raise SettingsError(f"no setting has {options.name!r} in its name; zsmoseg settings lists them all")
+    for name in names:
+        about = describe(name)
+        readers = ", ".join(s.name for s in STAGES.values() if name.split(".")[0] in s.sections)
+        print(f"{name} = {about['default']!r:<10} {about['unit']}  ({about['allowed']})")
+        print(f"    {about['meaning']}" + (f" [{readers}]" if readers else ""))
+    if not options.name:
+        for preset, values in PRESETS.items():
+            print(f"--preset {preset}: " + ", ".join(f"{n} = {v}" for n, v in values.items()))
     return 0
-
-
-def _plain(text: str) -> str:
-    return text.replace("[", r"\[")

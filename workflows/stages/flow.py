@@ -8,11 +8,9 @@ import numpy as np
 
 from zsmoseg import flow
 from zsmoseg.stores.schema import ArraySpec
+from zsmoseg.tables import STATES
 from zsmoseg.video import Probe
 from zsmoseg.workflows.stage import Left, Stage, Task, working_size
-
-STATES = ("ok", "cut", "repeat")
-
 
 def arrays(probe: Probe, settings: SimpleNamespace) -> list[ArraySpec]:
     """``forward``, ``backward`` (pair, component, y, x) in px of the working grid; ``state``, ``valid`` (pair)."""

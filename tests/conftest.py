@@ -1,0 +1,74 @@
+"""Small clips with known truth, and runs of them that several tests look at."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+cv2.setNumThreads(1)
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+def textured(rng: np.random.Generator, height: int, width: int, colour: tuple[int, int, int]) -> np.ndarray:
+    """A picture with detail at several scales around one colour."""
+    out = np.zeros((height, width, 3))
+    for sigma, strength in ((1.0, 60), (3.0, 90), (8.0, 120)):
+        noise = cv2.GaussianBlur(rng.normal(size=(height, width)), (0, 0), sigma)
+        out += (strength / 4 * noise / noise.std())[..., None]
+    return np.clip(out + np.array(colour), 0, 255).astype(np.uint8)
+
+
+def draw_clip(
+    seed: int = 0, frames: int = 10, height: int = 120, width: int = 160, mover: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
+    """A panning camera and, if wanted, one disc that moves by itself: frames (T, H, W, 3), truth (T, H, W)."""
+    rng = np.random.default_rng(seed)
+    world = textured(rng, height + 40, width + 80, (110, 130, 90))
+    skin = textured(rng, 60, 60, (60, 60, 200))
+    images, truth = [], []
+    for t in range(frames):
+        image = world[10 + t // 2 : 10 + t // 2 + height, 2 * t : 2 * t + width].copy()
+        mask = np.zeros((height, width), np.uint8)
+        if mover:
+            centre = (width // 3 + 3 * t, height // 2 + t)
+            cv2.circle(mask, centre, 18, 1, -1)
+            x, y = centre[0] - 30, centre[1] - 30
+            patch = np.zeros_like(image)
+            patch[max(y, 0) : y + 60, max(x, 0) : x + 60] = skin[: height - y, : width - x]
+            image[mask > 0] = patch[mask > 0]
+        images.append(image)
+        truth.append(mask > 0)
+    return np.stack(images), np.stack(truth)
+
+
+def write_folder(folder: Path, images: np.ndarray) -> Path:
+    """Frames as PNG."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for t, image in enumerate(images):
+        cv2.imwrite(str(folder / f"{t:05d}.png"), image)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of ten frames with one mover."""
+    return write_folder(tmp_path_factory.mktemp("clips") / "disc", draw_clip()[0])
+
+
+@pytest.fixture(scope="session")
+def davis() -> Path:
+    """Real sequences with truth."""
+    folder = SHARED / "DAVIS"
+    if not folder.is_dir():
+        pytest.skip("the DAVIS sequences are not beside the checkout")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _no_store_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ZSMOSEG_STORE", raising=False)
+    os.environ.setdefault("OMP_NUM_THREADS", "1")

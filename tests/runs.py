@@ -1,0 +1,58 @@
+"""Runs for tests, and what they left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from zsmoseg.settings import resolve
+from zsmoseg.workflows.jobs import Outcome
+from zsmoseg.workflows.plan import VideoPlan
+from zsmoseg.workflows.run import Quiet, Report, Request, run
+
+
+class Counter(Quiet):
+    """Which parts were computed."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[str, int]] = []
+        self.videos: list[str] = []
+
+    def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
+        assert outcome.state == "done", outcome
+        self.parts.append((stage, part))
+        self.videos.append(plan.name)
+
+    @property
+    def stages(self) -> set[str]:
+        return {stage for stage, _ in self.parts}
+
+
+def segment(
+    sources: Path | list[Path], root: Path, settings: dict[str, Any] | None = None, **more: Any
+) -> tuple[Report, Counter]:
+    """Run in ``root``; serial and in small chunks unless asked otherwise."""
+    given = sources if isinstance(sources, list) else [sources]
+    chosen = resolve(overrides={"chunk.length": 4, **(settings or {})})
+    counter = Counter()
+    more.setdefault("scheduler", "serial")
+    out = more.pop("out", root / "out")
+    request = Request([str(s) for s in given], out, root / "store", chosen, **more)
+    return run(request, counter), counter
+
+
+def masks(out: Path, kind: str = "masks") -> np.ndarray:
+    """The images of an output folder."""
+    return np.stack([np.asarray(Image.open(p)) for p in sorted((out / kind).glob("*.png"))])
+
+
+def data_bytes(root: Path) -> dict[str, bytes]:
+    """Content of every file of the artifacts' data below ``root``, without records of time and place."""
+    return {
+        str(p.relative_to(root)): p.read_bytes()
+        for p in sorted(root.rglob("*"))
+        if p.is_file() and ("data.zarr" in p.parts or p.suffix == ".png")
+    }

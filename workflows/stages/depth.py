@@ -1,0 +1,1 @@
+"""Stage ``depth``: relative inverse depth of every frame."""
