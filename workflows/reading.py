@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,3 +32,33 @@ def shots(flow: Artifact, frames: int) -> list[tuple[int, int]]:
     """The shots, (start, stop) in frames: what lies between cuts."""
     cuts = (np.flatnonzero(read_states(flow, 0, frames - 1) == CUT) + 1).tolist()
     return list(zip([0, *cuts], [*cuts, frames], strict=True))
+
+
+@dataclass(frozen=True)
+class Span:
+    """A shot: its frames, and its objects by global id, the background first."""
+
+    start: int
+    stop: int
+    objects: NDArray[np.int64]
+
+    @property
+    def name(self) -> str:
+        """Of its group of tables."""
+        return f"{self.start:08d}-{self.stop:08d}"
+
+
+def spans(objects: Artifact) -> list[Span]:
+    """The shots of a video with their objects."""
+    table = objects.read_table(0)
+    lasts = [0, *map(int, table["last"])]
+    return [
+        Span(int(a), int(b), np.append(0, np.arange(first + 1, last + 1)))
+        for (a, b), first, last in zip(table["shot"], lasts[:-1], lasts[1:], strict=True)
+    ]
+
+
+def local_ids(ids: NDArray[np.int64], span: Span) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Slots of ``ids`` (global) that are objects of the shot, and their number within it."""
+    keep = np.flatnonzero(np.isin(ids, span.objects))
+    return keep, np.searchsorted(span.objects, ids[keep])

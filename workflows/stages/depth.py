@@ -1,1 +1,0 @@
-"""Stage ``depth``: relative inverse depth of every frame."""

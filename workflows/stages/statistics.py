@@ -1,0 +1,56 @@
+"""Stage ``statistics``: the one pass over the pixels behind every motion model, and place and colour of the objects."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.linking import measure_pieces
+from zsmoseg.motion.models import SIZE
+from zsmoseg.motion.statistics import pair_statistics
+from zsmoseg.workflows.reading import read_states
+from zsmoseg.workflows.stage import Left, Stage, Task
+
+
+def task(task: Task) -> Left:
+    """``gram`` (pair, slot, 11, 11), ``cells`` (pair, cell, 11, 11), and the tables of the pieces."""
+    labels = shrink(task.inputs["labels"].read("label", task.start, task.stop), *task.grid)
+    frames = task.inputs["frames"].read("frame", task.start, task.stop)
+    ignore = task.ignored
+    ids = np.union1d([0], np.unique(labels)).astype(np.int64)
+    s = task.settings.statistics
+    rows = len(ids) + s.cells_y * s.cells_x
+    grams = np.zeros((task.last_pair - task.start, rows, SIZE, SIZE))
+    valid = read_states(task.inputs["flow"], task.start, task.last_pair) == 0
+    flow = task.inputs["flow"].read("forward", task.start, task.last_pair)
+    for m in np.flatnonzero(valid):
+        grams[m] = pair_statistics(labels[m], ids, flow[m], None, ignore, s)
+    pieces = measure_pieces(labels, frames, ids)
+    return Left(
+        tables={
+            "object": ids,
+            "valid": valid,
+            "gram": grams[:, : len(ids)],
+            "cells": grams[:, len(ids) :],
+            "area": pieces.area,
+            "box": pieces.box,
+            "colour": pieces.colour,
+        }
+    )
+
+
+def shrink(labels: NDArray[np.uint16], height: int, width: int) -> NDArray[np.uint16]:
+    """Labels on the working grid: nearest."""
+    size = width, height
+    return np.stack([cv2.resize(label, size, interpolation=cv2.INTER_NEAREST_EXACT) for label in labels])
+
+
+STAGE = Stage(
+    "statistics",
+    1,
+    task,
+    inputs={"frames": 0, "flow": 0, "labels": 0},
+    sections=("frames", "statistics", "ignore"),
+    cost=(8.0, 40.0),
+)

@@ -1,0 +1,89 @@
+"""Clusters of objects: spectral on an affinity, average linkage on distances of which some are unknown."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.cluster import KMeans
+
+from zsmoseg.motion.models import Floats
+
+Labels = NDArray[np.int64]
+
+
+def average_linkage(distance: Floats, weight: Floats, clusters: int | None = None) -> Labels:
+    """Groups 1.. by falling weight.
+
+    The two groups with the smallest weighted mean distance are joined while it is at most 1, or until there are
+    ``clusters`` groups. A distance that is not finite is unknown and does not count.
+
+    Parameters
+    ----------
+    distance : (k, k) symmetric, in units of what is allowed.
+    weight : (k,).
+    """
+    k = len(weight)
+    known = np.isfinite(distance)
+    pair = weight[:, None] * weight[None, :] * known
+    total, mass = np.where(known, distance, 0.0) * pair, pair
+    member = np.arange(k)
+    alive = list(range(k))
+    while len(alive) > (clusters or 1):
+        block, part = total[np.ix_(alive, alive)], mass[np.ix_(alive, alive)]
+        mean = np.where(part > 0, block / np.where(part > 0, part, 1.0), np.inf)
+        np.fill_diagonal(mean, np.inf)
+        a, b = sorted(divmod(int(mean.argmin()), len(alive)))
+        best = mean[a, b]
+        if clusters is None and not best <= 1.0:
+            break
+        first, second = alive[a], alive[b]
+        for matrix in (total, mass):
+            matrix[first] += matrix[second]
+            matrix[:, first] += matrix[:, second]
+        member[member == second] = first
+        alive.remove(second)
+    return by_weight(member, weight)
+
+
+def by_weight(member: NDArray[np.integer], weight: Floats) -> Labels:
+    """Renumber groups 1.. by falling weight, then by their first member."""
+    names, first = np.unique(member, return_index=True)
+    mass = np.array([weight[member == name].sum() for name in names])
+    rank = np.empty(len(names), np.int64)
+    rank[np.lexsort((first, -mass))] = np.arange(1, len(names) + 1)
+    return rank[np.searchsorted(names, member)]
+
+
+def spectral(affinity: Floats, clusters: int, weight: Floats | None = None) -> tuple[Labels, Floats]:
+    """Normalised spectral clustering with rows of length 1 (Ng, Jordan, Weiss 2002).
+
+    With ``weight`` every object counts as that many equal copies of itself. Objects of degree 0 form group 0.
+
+    Returns
+    -------
+    labels (N,), eigenvalues (N,) of the normalised affinity, the largest first.
+    """
+    count = len(affinity)
+    w = np.ones(count) if weight is None else np.maximum(weight / max(weight.max(), 1e-12), 1e-9)
+    degree = affinity @ w
+    scale = np.sqrt(w / np.where(degree > 0, degree, np.inf))
+    values, vectors = np.linalg.eigh((scale[:, None] * affinity * scale[None, :] + (scale[:, None] * affinity * scale[None, :]).T) / 2)
+    order = np.argsort(-values, kind="stable")
+    rows = vectors[:, order[:clusters]]
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    rows = np.where(length > 1e-12, rows / np.maximum(length, 1e-12), 0.0)
+    if clusters <= 1:
+        return np.zeros(count, np.int64), values[order]
+    different = len(np.unique(np.round(rows, 9), axis=0))
+    if different < clusters:
+        return np.unique(np.round(rows, 9), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64), values[order]
+    means = KMeans(clusters, n_init=20, random_state=0).fit(rows, sample_weight=w)
+    return means.labels_.astype(np.int64), values[order]
+
+
+def agreement(affinity: Floats, label: Labels, weight: Floats) -> float:
+    """How well a partition explains an affinity, -1 to 1: mean of (2A - 1) within groups and (1 - 2A) across."""
+    sign = np.where(label[:, None] == label[None, :], 1.0, -1.0)
+    w = weight[:, None] * weight[None, :]
+    np.fill_diagonal(w, 0.0)
+    return float((sign * (2 * affinity - 1) * w).sum() / max(w.sum(), 1e-12))

@@ -1,0 +1,76 @@
+"""Which objects move: their evidence against that of pieces of the same background."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg import settings
+from zsmoseg.grouping.evidence import Shot, ShotEvidence, shot_evidence
+from zsmoseg.motion.models import Floats, Model
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Which of N objects move, and why."""
+
+    moving: NDArray[np.bool_]
+    score: Floats
+    """(N,) px, mean rms excess over the static world."""
+    yardstick: float
+    """px, what most cells of the background stay below."""
+    largest: float
+    """px, the largest cell."""
+    threshold: float
+    """px; infinite where nothing moves."""
+    evidence: ShotEvidence
+
+    @property
+    def confidence(self) -> float:
+        """Strongest object over largest cell; below 1 nothing surely moves."""
+        return float(self.score.max(initial=0.0) / self.largest) if self.largest else 0.0
+
+
+def decide(shot: Shot, area: Floats, model: Model, s: settings.Groups) -> Decision:
+    """The calibrated rule.
+
+    1. The yardstick nu is the ``quantile`` of the cells' evidence, at least ``floor``; tau the strongest among the
+       objects with ``significant`` of the largest object's pixels or more.
+    2. Nothing moves if tau is below ``exist`` largest cells, unless the proposals are clear: above ``clear`` px and
+       ``clear_cells`` largest cells.
+    3. Moving is what exceeds min(max(sqrt(nu tau), top_fraction tau), certain nu, keep tau).
+    4. What is static joins the world; once more from 1, ``rounds`` times in all.
+
+    Parameters
+    ----------
+    shot : the Grams of its pairs.
+    area : (N,) pixels of every object over the shot, the background first.
+    """
+    count = len(area)
+    static = np.arange(count) == 0
+    significant = area >= s.significant * area[1:].max(initial=0.0)
+    significant[0] = False
+    moving = np.zeros(count, np.bool_)
+    decision = Decision(moving, np.zeros(count), 0.0, 0.0, np.inf, ShotEvidence([], np.zeros(count), np.zeros(0)))
+    for _ in range(s.rounds):
+        found = shot_evidence(shot, count, model, static, s.noise_area)
+        largest = max(float(found.cells.max(initial=0.0)), s.floor)
+        nu = max(float(np.quantile(found.cells, s.quantile)) if found.cells.size else 0.0, s.floor)
+        tau = float(found.score[significant].max(initial=0.0))
+        threshold = threshold_of(nu, largest, tau, s)
+        moving = found.score > threshold
+        decision = Decision(moving, found.score, nu, largest, threshold, found)
+        if np.array_equal(~moving, static):
+            break
+        static = ~moving
+    return decision
+
+
+def threshold_of(nu: float, largest: float, tau: float, s: settings.Groups) -> float:
+    """The threshold in px for yardstick, largest cell and strongest object; infinite where nothing moves."""
+    clear = tau >= s.clear and tau >= s.clear_cells * largest
+    if tau < s.exist * largest and not clear:
+        return float("inf")
+    return min(max(float(np.sqrt(nu * tau)), s.top_fraction * tau), s.certain * nu, s.keep * tau)

@@ -1,0 +1,273 @@
+"""The groups of a shot: what moves, which movers move together, which objects are one thing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from zsmoseg import settings
+from zsmoseg.grouping.clustering import Labels, agreement, average_linkage, by_weight, spectral
+from zsmoseg.grouping.decision import Decision, decide
+from zsmoseg.grouping.evidence import Shot
+from zsmoseg.grouping.state import motion_state
+from zsmoseg.linking import Nearness, Pieces, nearness
+from zsmoseg.motion.models import MODELS, Floats, Model
+from zsmoseg.motion.residuals import LEAST, merge_costs
+
+
+@dataclass(frozen=True)
+class ShotGroups:
+    """The answer for the N objects of a shot of T frames, object 0 first."""
+
+    group: Labels
+    """(N,) 0 = static, 1.. by falling size."""
+    thing: Labels
+    """(N,) 0 = static, 1.. by falling size."""
+    moving: NDArray[np.bool_]
+    """(T, N) whether an object moves at a frame."""
+    margin: NDArray[np.float32]
+    """(T, N) ln(excess / threshold), NaN = unknown."""
+    decision: Decision
+    eigenvalues: Floats
+    """Of the normalised affinity, where a spectral rule used them."""
+    warnings: list[str] = field(default_factory=list)
+
+
+def group_shot(
+    shot: Shot,
+    pieces: Pieces,
+    affinity: Floats,
+    shape: tuple[int, int],
+    model: str,
+    s: settings.Groups,
+) -> ShotGroups:
+    """Decide, group, link.
+
+    Parameters
+    ----------
+    shot : the Grams of the valid pairs.
+    pieces : place and colour of the N objects.
+    affinity : (N, N), used by the rule ``spectral``.
+    shape : height and width of the working grid.
+    model : name of the motion model.
+    """
+    support = pieces.area.sum(0).astype(np.float64)
+    support[0] = 0.0
+    area = pieces.area.sum(0).astype(np.float64)
+    decision = decide(shot, area, MODELS[model], s)
+    summary = _summarise(shot, len(support))
+    near = nearness(pieces, summary.velocity, shape, s)
+    warnings = _warn(support, s)
+    eigenvalues = np.zeros(0)
+    if s.rule == "spectral":
+        group, eigenvalues = spectral_groups(affinity, area, s)
+    else:
+        group = linked_groups(shot, pieces, decision, near, summary.pairs, MODELS[model], s)
+    group = _renumber(group, support)
+    thing = connected(group, near.distance <= 1, support)
+    threshold = decision.threshold if s.rule == "calibrated" and s.count == "auto" else np.inf
+    moving, margin = motion_state(decision.evidence.pairs, len(pieces.area), group, threshold, s)
+    return ShotGroups(group, thing, moving, margin, decision, eigenvalues, warnings)
+
+
+def _warn(support: Floats, s: settings.Groups) -> list[str]:
+    objects = int((support > 0).sum())
+    if objects == 0:
+        return ["no object stands out from the camera's motion: everything is static"]
+    out = ["there is one object only"] if objects == 1 else []
+    if s.count != "auto" and s.count > objects + 1:
+        out.append(f"{s.count} groups asked for, but there are {objects} objects and the background")
+    return out
+
+
+# ------------------------------------------------------------------ the default rule
+@dataclass(frozen=True)
+class _Summary:
+    """What linking needs of the Grams: (N,) pairs in which an object is seen; (2, N, 2) first and last velocity."""
+
+    pairs: NDArray[np.int64]
+    velocity: Floats
+
+
+def _summarise(shot: Shot, count: int) -> _Summary:
+    """Velocities are means over the first and the last three pairs, px a frame."""
+    first: list[list[Floats]] = [[] for _ in range(count)]
+    last: list[list[Floats]] = [[] for _ in range(count)]
+    pairs = np.zeros(count, np.int64)
+    for g in shot():
+        for slot in np.flatnonzero(g.pixels >= LEAST):
+            n = g.ids[slot]
+            mean = g.objects[slot, 0, 9:11] / g.objects[slot, 0, 0]
+            if pairs[n] < 3:
+                first[n].append(mean)
+            last[n] = [*last[n], mean][-3:]
+            pairs[n] += 1
+    means = [[np.mean(known, axis=0) if known else np.zeros(2) for known in end] for end in (first, last)]
+    return _Summary(pairs, np.array(means))
+
+
+def linked_groups(
+    shot: Shot,
+    pieces: Pieces,
+    decision: Decision,
+    near: Nearness,
+    pairs: NDArray[np.int64],
+    model: Model,
+    s: settings.Groups,
+) -> Labels:
+    """Groups of the movers, and what belongs to them.
+
+    1. Strong: called moving, with ``share`` of the largest mover's pixels and ``frames`` pairs or more. They are
+       clustered on the cost of one motion for two over what non-rigid parts of one thing cost; what goes on in
+       each other counts half whatever its cost.
+    2. Open: a mover that is not strong; an object too short to tell; an object above ``weak`` thresholds that
+       is mostly seen while no strong mover is (a hidden thing come back). It joins the nearest thing if it is
+       near and, where they are seen together, moves with it rather than with the background.
+    3. What joins nothing is static.
+    """
+    group = np.zeros(len(pairs), np.int64)
+    support = pieces.area.sum(0).astype(np.float64)
+    support[0] = 0.0
+    strong = _strong(decision, support, pairs, s)
+    if not strong.any():
+        return group
+    seen = pieces.area > 0
+    covered = (seen & seen[:, strong].any(1)[:, None]).sum(0) > s.overlap * seen.sum(0)
+    hidden = ~covered & (decision.score > s.weak * decision.threshold)
+    open_ = (support > 0) & ~strong & (decision.moving | hidden | (pairs < s.frames))
+    ids = np.flatnonzero(strong | open_)
+    cost = pair_costs(shot, ids, len(pairs), decision.yardstick, model, s)
+    ratio = np.where(near.goes_on, np.minimum(cost.together / cost.tolerance, 0.5), cost.together / cost.tolerance)
+    members = np.flatnonzero(strong)
+    clusters = None if s.count == "auto" else min(s.count - 1, len(members))
+    group[members] = average_linkage(ratio[np.ix_(members, members)], support[members], clusters)
+    _join(group, open_, near, cost, pairs, decision, support, s)
+    return group
+
+
+def _strong(decision: Decision, support: Floats, pairs: NDArray[np.int64], s: settings.Groups) -> NDArray[np.bool_]:
+    """The movers that make groups; with a given number of groups at least that many, by falling evidence."""
+    if s.count == 1:
+        return np.zeros(len(support), np.bool_)
+    moving = decision.moving & (support > 0)
+    strong = moving
+    if moving.any():
+        big = support >= s.share * support[moving].max()
+        strong = moving & big & (pairs >= min(s.frames, max(int(pairs.max()), 1)))
+        strong = strong if strong.any() else moving
+    if s.count != "auto" and strong.sum() < s.count - 1:
+        ranked = [n for n in np.lexsort((-support, -decision.score)) if support[n] > 0 and not strong[n]]
+        strong = strong.copy()
+        strong[ranked[: s.count - 1 - int(strong.sum())]] = True
+    return strong
+
+
+def _join(
+    group: Labels,
+    open_: NDArray[np.bool_],
+    near: Nearness,
+    cost: Costs,
+    pairs: NDArray[np.int64],
+    decision: Decision,
+    support: Floats,
+    s: settings.Groups,
+) -> None:
+    """Let open objects join the nearest thing, the largest first, until nothing changes."""
+    waiting = [int(n) for n in np.argsort(-support, kind="stable") if open_[n]]
+    changed = True
+    while changed:
+        changed = False
+        for n in list(waiting):
+            homes = np.flatnonzero((group > 0) & (near.distance[n] <= 1))
+            short = (cost.pairs[n, homes] < s.frames) | (pairs[n] < s.frames)
+            homes = homes[short | (cost.together[n, homes] < decision.score[n])]
+            if len(homes):
+                group[n] = group[homes[np.lexsort((-support[homes], near.distance[n, homes]))[0]]]
+                waiting.remove(n)
+                changed = True
+
+
+@dataclass(frozen=True)
+class Costs:
+    """(N, N) means over the pairs in which two objects are seen together."""
+
+    together: Floats
+    """px, rms cost of one motion for both; infinite where never together."""
+    tolerance: Floats
+    """px, what non-rigid parts of one thing cost."""
+    pairs: Floats
+    """Number of such pairs."""
+
+
+def pair_costs(
+    shot: Shot, ids: NDArray[np.int64], count: int, yardstick: float, model: Model, s: settings.Groups
+) -> Costs:
+    """What one motion for two costs, for all pairs of the objects ``ids``."""
+    total, tolerance, weight, pairs = (np.zeros((count, count)) for _ in range(4))
+    wanted = np.zeros(count, np.bool_)
+    wanted[ids] = True
+    for g in shot():
+        here = np.flatnonzero(wanted[g.ids] & (g.pixels >= LEAST))
+        if len(here) < 2:
+            continue
+        rows = np.append(0, here)
+        d, own = merge_costs(g.objects[rows], model, g.objects.sum(0))
+        d, own, noise = d[1:, 1:], own[1:], own[0]
+        pixels = g.pixels[here]
+        small = np.minimum(pixels[:, None], pixels[None, :])
+        both = own[:, None] + own[None, :]
+        chance = 0.5 * model.parameters * s.noise_area * np.minimum(both / 2, noise) / small
+        at = np.ix_(g.ids[here], g.ids[here])
+        total[at] += small * np.sqrt(np.maximum(d - chance, 0.0))
+        tolerance[at] += small * (s.same * yardstick + s.same_own * np.sqrt(both))
+        weight[at] += small
+        pairs[at] += 1
+    known = weight > 0
+    safe = np.where(known, weight, 1.0)
+    return Costs(np.where(known, total / safe, np.inf), np.where(known, tolerance / safe, 1.0), pairs)
+
+
+# ------------------------------------------------------------------ the affinity's rule
+def spectral_groups(affinity: Floats, area: Floats, s: settings.Groups) -> tuple[Labels, Floats]:
+    """Row-normalised spectral clustering; the static group is the one that holds object 0.
+
+    Without a given number of groups the one that explains the affinity best is taken, 1 = nothing moves.
+    """
+    ids = np.flatnonzero((area > 0) | (np.arange(len(area)) == 0))
+    block, weight = affinity[np.ix_(ids, ids)], np.maximum(area[ids], 1.0)
+    if s.equal:
+        weight = np.ones_like(weight)
+    if s.count == "auto":
+        counts = range(1, min(s.most_groups, len(ids)) + 1)
+        tried = [(spectral(block, k, weight)[0], k) for k in counts]
+        label = max(tried, key=lambda t: (round(agreement(block, t[0], weight), 9), -t[1]))[0]
+    else:
+        label = spectral(block, min(s.count, len(ids)), weight)[0]
+    group = np.zeros(len(area), np.int64)
+    group[ids] = np.where(label == label[0], 0, label + 1)
+    return group, spectral(block, 1, weight)[1]
+
+
+# ------------------------------------------------------------------ numbering
+def _renumber(group: Labels, support: Floats) -> Labels:
+    """Moving groups 1.. by falling size."""
+    out = np.zeros_like(group)
+    moving = group > 0
+    if moving.any():
+        out[moving] = by_weight(group[moving], support[moving])
+    return out
+
+
+def connected(group: Labels, near: NDArray[np.bool_], support: Floats) -> Labels:
+    """Things 1.. by falling size: what is connected by nearness within a group."""
+    link = near & (group[:, None] == group[None, :]) & (group[:, None] > 0)
+    name = connected_components(csr_array(link), directed=False)[1]
+    out = np.zeros_like(group)
+    moving = group > 0
+    if moving.any():
+        out[moving] = by_weight(name[moving], support[moving])
+    return out

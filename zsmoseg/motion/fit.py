@@ -1,0 +1,56 @@
+"""Least-squares fits of the motion models, from Gram matrices alone.
+
+The rule for degenerate objects (few pixels, a line of pixels, constant depth): what the pixels of an object do not
+determine is taken from the fit to the whole frame, not from zero. The normal matrix is scaled to the unit diagonal
+of the whole frame and solved by Tikhonov regularisation towards that fit, iterated so that whatever is
+determined better than 1e-5 of the frame's is exact to 1e-9.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zsmoseg.motion.models import BASIS, Floats, Model
+
+RIDGE = 1e-8
+STEPS = 3
+"""Refinements after the first solution: the bias falls from (ridge / eigenvalue) to its 4th power."""
+
+
+def moments(gram: Floats, model: Model) -> tuple[Floats, Floats, Floats, Floats]:
+    """A'A (..., P, P), A'b (..., P), b'b (...) and pixels (...) of stacked rows of u and v."""
+    g = gram[..., :BASIS, :BASIS]
+    square = model.rows_u.T @ g @ model.rows_u + model.rows_v.T @ g @ model.rows_v
+    right = gram[..., :BASIS, 9] @ model.rows_u + gram[..., :BASIS, 10] @ model.rows_v
+    return square, right, gram[..., 9, 9] + gram[..., 10, 10], gram[..., 0, 0]
+
+
+def fit(gram: Floats, model: Model, frame: Floats) -> Floats:
+    """Parameters (..., P) of every Gram (..., 11, 11); ``frame`` (11, 11) is the Gram of the whole frame."""
+    return _solve(*moments(gram, model)[:2], gram[..., 0, 0], model, frame)
+
+
+def own_cost(gram: Floats, model: Model, frame: Floats) -> Floats:
+    """(...) sum of squared residuals of each Gram's own fit, px^2 times pixels."""
+    square, right, constant, pixels = moments(gram, model)
+    theta = _solve(square, right, pixels, model, frame)
+    moved = (square @ theta[..., None])[..., 0]
+    return np.maximum((theta * (moved - 2 * right)).sum(-1) + constant, 0.0)
+
+
+def _solve(square: Floats, right: Floats, pixels: Floats, model: Model, frame: Floats) -> Floats:
+    all_square, all_right, _, all_pixels = moments(frame, model)
+    total = max(float(all_pixels), 1.0)
+    unit = np.sqrt(np.maximum(np.diagonal(all_square), 1e-12 * total) / total)
+    identity = np.eye(model.parameters)
+    scaled = all_square / total / unit[:, None] / unit
+    toward = np.linalg.solve(scaled + 1e-10 * identity, all_right / total / unit) / unit
+    count = np.maximum(pixels, 1e-12)[..., None]
+    left = square / count[..., None] / unit[:, None] / unit
+    goal = (right - (square @ toward[..., None])[..., 0]) / count / unit
+    inverse = np.linalg.inv(left + RIDGE * identity)
+    step = (inverse @ goal[..., None])[..., 0]
+    for _ in range(STEPS):
+        rest = goal - (left @ step[..., None])[..., 0]
+        step = step + (inverse @ rest[..., None])[..., 0]
+    return np.asarray(toward + np.where(pixels[..., None] > 0, step / unit, 0.0))

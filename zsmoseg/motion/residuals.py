@@ -1,0 +1,78 @@
+"""How well the model of one object explains another: the residual tensor, and the cost of one motion for two."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.motion.fit import fit, own_cost
+from zsmoseg.motion.models import BASIS, SIZE, Floats, Model
+
+LEAST = 12
+"""Pixels of the working grid below which an object counts as unseen in a pair."""
+
+
+def residuals(gram: Floats, theta: Floats, model: Model) -> Floats:
+    """e (I, N): mean squared residual of parameters ``theta`` (I, P) on the pixels of ``gram`` (N, 11, 11), px^2.
+
+    Quadratic forms of all pairs at once, so the cost hardly grows with the number of objects. NaN where n has no
+    pixels.
+    """
+    outer = np.zeros((len(theta), SIZE, SIZE))
+    for rows, flow in ((model.rows_u, BASIS), (model.rows_v, BASIS + 1)):
+        w = np.zeros((len(theta), SIZE))
+        w[:, :BASIS], w[:, flow] = theta @ rows.T, -1.0
+        outer += w[:, :, None] * w[:, None, :]
+    total = outer.reshape(len(theta), -1) @ gram.reshape(len(gram), -1).T
+    pixels = gram[:, 0, 0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(pixels > 0, np.maximum(total, 0.0) / pixels, np.nan)
+
+
+def pair_residuals(gram: Floats, model: Model) -> tuple[Floats, Floats, Floats]:
+    """The residual tensor of one pair.
+
+    Parameters
+    ----------
+    gram : (slots, 11, 11), the background first.
+
+    Returns
+    -------
+    residual (slots, slots) : row = model, column = pixels; px^2, NaN where either is unseen.
+    pixels (slots,)
+    coefficient (slots, terms) : NaN where unseen.
+    """
+    count = len(gram)
+    seen = np.flatnonzero(gram[:, 0, 0] >= LEAST)
+    residual = np.full((count, count), np.nan)
+    coefficient = np.full((count, model.parameters), np.nan)
+    if len(seen):
+        theta = fit(gram[seen], model, gram.sum(0))
+        residual[np.ix_(seen, seen)] = residuals(gram[seen], theta, model)
+        coefficient[seen] = theta
+    return residual, gram[:, 0, 0].copy(), coefficient
+
+
+def merge_costs(gram: Floats, model: Model, frame: Floats) -> tuple[Floats, Floats]:
+    """What it costs to give two objects one motion.
+
+    ``d[i, n] = (SSE of one fit to both - SSE_i - SSE_n) / min(|i|, |n|)``, px^2: unlike ``e[i, n] - e[n, n]`` it
+    never extrapolates the model of a small object to a far one.
+
+    Returns
+    -------
+    d (N, N) : symmetric, zero diagonal.
+    own (N,) : own-fit mean squared residual, px^2.
+    """
+    pixels = gram[:, 0, 0]
+    own = own_cost(gram, model, frame)
+    i, k = np.triu_indices(len(gram), 1)
+    joint = own_cost(gram[i] + gram[k], model, frame)
+    d = np.zeros((len(gram), len(gram)))
+    d[i, k] = d[k, i] = np.maximum(joint - own[i] - own[k], 0.0) / np.maximum(np.minimum(pixels[i], pixels[k]), 1.0)
+    return d, own / np.maximum(pixels, 1.0)
+
+
+def seen_slots(gram: Floats) -> NDArray[np.int64]:
+    """Slots with enough pixels to count as seen."""
+    return np.flatnonzero(gram[:, 0, 0] >= LEAST)

@@ -1,0 +1,105 @@
+"""The one pass over the pixels: sums of products of which every model, residual and joint fit is made.
+
+Row n of the result is the Gram matrix of (1, x, y, q, xq, yq, x^2, xy, y^2, u, v) over the pixels of object n.
+Grams of disjoint sets add. The background is cut into a fixed grid of cells besides: pieces of the static world
+as large as an object, seen through the same flow and depth; they are the yardstick of the decision.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg import settings
+from zsmoseg.motion.models import SIZE, Floats, coordinates, normalise
+
+UNUSED = -1
+
+
+def pair_statistics(
+    label: NDArray[np.integer[Any]],
+    ids: NDArray[np.int64],
+    flow: NDArray[np.float32],
+    inverse_depth: NDArray[np.floating] | None,
+    ignore: NDArray[np.bool_] | None,
+    s: settings.Statistics,
+) -> Floats:
+    """Gram matrices of one pair.
+
+    Parameters
+    ----------
+    label : (h, w) object of every pixel on the working grid, 0 = background.
+    ids : (slots,) the objects asked for, ascending, 0 first.
+    flow : (2, h, w) px.
+    inverse_depth : (h, w), any positive scale; None: no depth, q = 0.
+    ignore : (h, w) true where pixels count for nothing.
+    s : the section ``statistics`` of the settings.
+
+    Returns
+    -------
+    (slots + cells, 11, 11); element [n, 0, 0] is a number of pixels. Row 0 is the sum of the cells.
+    """
+    slot = np.searchsorted(ids, label).astype(np.int32)
+    slot[without_borders(label, s.border)] = UNUSED
+    if ignore is not None:
+        slot[ignore] = UNUSED
+    cells = cell_grid(label.shape, s.cells_y, s.cells_x)
+    slot = np.where(slot == 0, len(ids) + cells, slot).astype(np.int32)
+    x, y = coordinates(*label.shape)
+    q = np.zeros(label.shape) if inverse_depth is None else normalise(inverse_depth)
+    gram = gram_matrices(slot, x, y, q, flow[0], flow[1], len(ids) + s.cells_y * s.cells_x)
+    gram[0] = gram[len(ids) :].sum(0)
+    return gram
+
+
+def cell_grid(shape: tuple[int, ...], rows: int, columns: int) -> NDArray[np.int32]:
+    """(h, w) number of the cell of a rows x columns grid that a pixel lies in."""
+    height, width = shape
+    row = np.arange(height) * rows // height
+    column = np.arange(width) * columns // width
+    return (row[:, None] * columns + column).astype(np.int32)
+
+
+def without_borders(label: NDArray[np.integer[Any]], radius: int) -> NDArray[np.bool_]:
+    """(h, w) true within ``radius`` px of a boundary between objects: flow and mask belong to different things there.
+
+    An object that would lose more than three quarters of its pixels keeps them all.
+    """
+    if radius == 0:
+        return np.zeros(label.shape, np.bool_)
+    kernel = np.ones((2 * radius + 1,) * 2, np.uint8)
+    compact = label.astype(np.uint16)
+    border = cv2.dilate(compact, kernel) != cv2.erode(compact, kernel)
+    before = np.bincount(compact.ravel())
+    after = np.bincount(compact[~border], minlength=len(before))
+    return np.asarray(border & ~(after < 0.25 * before)[compact])
+
+
+@nb.njit(cache=True)
+def gram_matrices(slot, x, y, q, u, v, count):  # type: ignore[no-untyped-def]
+    """Sums of products per slot; a pixel with slot below 0 or values that are not finite is left out."""
+    height, width = slot.shape
+    gram = np.zeros((count, SIZE, SIZE))
+    psi = np.empty(SIZE)
+    for r in range(height):
+        for c in range(width):
+            n = slot[r, c]
+            value = q[r, c] + u[r, c] + v[r, c]
+            if n < 0 or not np.isfinite(value):
+                continue
+            psi[0], psi[1], psi[2], psi[3] = 1.0, x[c], y[r], q[r, c]
+            psi[4], psi[5] = x[c] * q[r, c], y[r] * q[r, c]
+            psi[6], psi[7], psi[8] = x[c] * x[c], x[c] * y[r], y[r] * y[r]
+            psi[9], psi[10] = u[r, c], v[r, c]
+            for i in range(SIZE):
+                for j in range(i, SIZE):
+                    gram[n, i, j] += psi[i] * psi[j]
+    for n in range(count):
+        for i in range(SIZE):
+            for j in range(i):
+                gram[n, i, j] = gram[n, j, i]
+    return gram
