@@ -84,7 +84,7 @@ class Store:
 
     def fingerprint(self, source: str, method: str) -> str:
         """The fingerprint of a source, looked up by path, size and time of change, else computed and kept."""
-        from zsmoseg.video import fingerprint, stat_signature
+        from zsmoseg.sources import fingerprint, stat_signature
 
         path = self.path / "runs" / "fingerprints" / "cache.json"
         signature = f"{method} {stat_signature(source)}"

@@ -11,7 +11,8 @@ from zsmoseg.errors import StageError, ZsmosegError
 from zsmoseg.settings import Settings
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.records import RunRecord
-from zsmoseg.video import probe, sources, unique_names
+from zsmoseg.sources import sources, unique_names
+from zsmoseg.video import probe
 from zsmoseg.workflows.estimate import Estimate, estimate, estimate_line, refuse_full_disk
 from zsmoseg.workflows.executors import Executor, make_executor
 from zsmoseg.workflows.jobs import Job, Outcome

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from zsmoseg.errors import VideoError
 
 UInt8 = NDArray[np.uint8]
+REORDER = 16
+"""Frames that a codec may store out of order (H.264 and HEVC)."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +53,15 @@ def index(path: str) -> Index:
             every = list(container.demux(stream))
             packets = [(p.pts, bool(p.is_keyframe)) for p in every if p.size and not p.is_discard]
             base, promised = float(stream.time_base or 0.04), _duration(container, stream)
+            counted = container.format.name == "avi"
+            if counted and stream.average_rate:
+                base = float(1 / stream.average_rate)
     except av.error.FFmpegError as error:
         raise VideoError(f"{path}: is not a video, or it is damaged from the start ({error.strerror})") from error
     if not packets:
         raise VideoError(f"{path}: holds no frame")
-    if any(pts is None for pts, _ in packets):
-        return _decode_all(path, base, len(packets))
+    if counted or any(pts is None for pts, _ in packets):
+        return _decode_all(path, base, len(packets), promised)
     pts = tuple(sorted({pts for pts, _ in packets}))
     keys = tuple(sorted(pts for pts, key in packets if key)) or pts[:1]
     try:
@@ -67,8 +72,15 @@ def index(path: str) -> Index:
     lacking = round((promised - (pts[-1] - pts[0]) * base - step) / step) if promised else 0
     last = pts[pts.index(max(k for k in keys if k in pts)) :]
     whole = lacking <= 1 and _good(path, last, keys) == len(last)
-    decodable = len(pts) if whole else _good(path, pts, keys)
+    decodable = len(pts) if whole else _good(path, _before_gap(pts, step / base), keys)
     return Index(pts, keys, base, *first.shape[:2], decodable, len(pts) + (lacking if lacking > 1 else 0))
+
+
+def _before_gap(pts: tuple[int, ...], step: float) -> tuple[int, ...]:
+    """A file that is cut off lacks some of the frames that are shown before the last ones it holds."""
+    first = max(len(pts) - REORDER, 1)
+    gaps = [n for n in range(first, len(pts)) if pts[n] - pts[n - 1] > 1.5 * step]
+    return pts[: gaps[0]] if gaps else pts
 
 
 def _duration(container: Any, stream: Any) -> float:
@@ -93,19 +105,14 @@ def _good(path: str, pts: Sequence[int], keys: Sequence[int]) -> int:
     return good
 
 
-def _decode_all(path: str, base: float, promised: int) -> Index:
-    """For containers without presentation times (some AVI): frames are counted."""
-    shape, count = (0, 0), 0
-    try:
-        with av.open(path) as container:
-            for frame in container.decode(video=0):
-                shape = _picture(frame).shape[:2] if not count else shape
-                count += 1
-    except av.error.FFmpegError:
-        pass
-    if not count:
+def _decode_all(path: str, base: float, packets: int, promised: float) -> Index:
+    """For AVI, and where presentation times lack: frames are counted, ``base`` seconds apart."""
+    decoder = Decoder(path, ())
+    good = _good(path, range(packets), ())
+    if not good:
         raise VideoError(f"{path}: is not a video, or it is damaged: its first frame cannot be decoded")
-    return Index(tuple(range(count)), (), base, *shape, count, promised)
+    height, width = next(iter(decoder.frames([0]))).shape[:2]
+    return Index(tuple(range(good)), (), base, height, width, good, max(packets, round(promised / base) - 1))
 
 
 def _picture(frame: Any) -> UInt8:

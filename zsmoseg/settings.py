@@ -13,7 +13,7 @@ from difflib import get_close_matches
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -57,9 +57,6 @@ class Video(Section):
         "", "end of what is used, exclusive: seconds or a frame number", pattern=r"^(\d+(\.\d+)?s?|\d+f)?$"
     )
     every: int = setting(1, "use every n-th frame", "frames", ge=1)
-    ignore: str = setting(
-        "", "image whose non-zero pixels are kept out of everything (car bonnet, time stamp)"
-    )
     fps: float = setting(25.0, "frame rate of folders of images, which carry no times", "1/s", gt=0)
     allow_truncated: bool = setting(False, "use the part of a damaged video that can be decoded")
     fingerprint: Literal["content", "stat"] = setting(
@@ -190,11 +187,59 @@ class Motion(Section):
 class Affinity(Section):
     """Similarity of objects from the residuals of all pairs."""
 
+    kernel: Literal["inlier", "ordered", "ordered-weighted"] = setting(
+        "inlier", "inlier: residuals below a factor; ordered: the paper's truncated ranks; or all lengths, 1 / t"
+    )
+    factor: float = setting(1.4, "residual over own residual up to which a model fits", "", ("kernel", "inlier"), gt=0)
+    floor: float = setting(0.15, "residual that is noise", "px", ("kernel", "inlier"), ge=0)
+    share: float = setting(
+        0.5, "part of the objects that each chooses (t / N)", "", ("kernel", "ordered"), gt=0, le=1
+    )
+    ranking: Literal["row", "column"] = setting(
+        "row",
+        "row: models rank objects (the paper); column: objects rank models",
+        "",
+        ("kernel", "ordered", "ordered-weighted"),
+    )
+    weight: Literal["area", "equal"] = setting("area", "pairs count by the root of the smaller area, or all alike")
+
 
 class Groups(Section):
-    """Which objects move together, and which do not move."""
+    """Which objects move together, and which do not move. Excess: root mean square, px of the working grid."""
 
-    count: Literal["auto"] | int = setting("auto", "number of groups, the static one included, or auto")
+    rule: Literal["calibrated", "spectral"] = setting(
+        "calibrated", "calibrated: evidence against the background's own cells; spectral: cluster the affinity"
+    )
+    count: Literal["auto"] | Annotated[int, Field(ge=1)] = setting(
+        "auto", "number of groups, the static one included, or auto"
+    )
+    equal: bool = setting(False, "objects count alike, whatever their size", "", ("rule", "spectral"))
+    most_groups: int = setting(5, "most groups that auto tries", "", ("rule", "spectral"), ge=1, le=64)
+    floor: float = setting(0.075, "excess below it is never motion: precision of the flow", "px", gt=0)
+    quantile: float = setting(0.8, "quantile of the cells' excess that is the yardstick", ge=0, le=1)
+    significant: float = setting(
+        0.1, "the strongest is sought among objects of this part of the largest", ge=0, le=1
+    )
+    exist: float = setting(1.0, "something moves if the strongest exceeds this many largest cells", gt=0)
+    clear: float = setting(0.5, "excess of proposals that are never all dropped ...", "px", ge=0)
+    clear_cells: float = setting(0.35, "... if they also reach this many largest cells", ge=0)
+    top_fraction: float = setting(0.6, "an object below this part of the strongest does not move ...", ge=0, le=1)
+    certain: float = setting(5.0, "... unless its excess is this many yardsticks", gt=0)
+    keep: float = setting(0.9, "the threshold stays below this part of the strongest", gt=0, le=1)
+    rounds: int = setting(2, "passes; from the second on static objects belong to the world", ge=1, le=10)
+    noise_area: float = setting(50.0, "correlation area of flow noise", "px^2", ge=0)
+    same: float = setting(1.5, "two movers move together below this many yardsticks ...", ge=0)
+    same_own: float = setting(0.35, "... plus this part of their own residual: limbs are not rigid", ge=0)
+    share: float = setting(0.02, "pixels of the largest mover that make a group of its own", ge=0, le=1)
+    frames: int = setting(2, "fewer pairs than this prove nothing", "pairs", ge=1)
+    weak: float = setting(0.5, "part of the threshold above which a hidden thing may come back", ge=0, le=1)
+    reach: float = setting(1.0, "near: boxes closer than this many sizes of the larger object", ge=0)
+    gap: int = setting(12, "frames that a thing may be out of sight", "frames", ge=1)
+    colour: float = setting(0.5, "histogram intersection that bridges a gap", ge=0, le=1)
+    overlap: float = setting(0.5, "part of its life up to which an object may be seen beside its successor", ge=0, le=1)
+    state_window: int = setting(5, "pairs of the median of the motion state", "pairs", ge=1)
+    state_low: float = setting(0.7, "thresholds below which a mover rests", gt=0)
+    state_high: float = setting(1.3, "thresholds above which it moves again", gt=0)
 
 
 class Masks(Section):
@@ -248,6 +293,15 @@ class Settings(BaseModel):
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "default": {},
+    "paper-core": {
+        "motion.model": "screw-printed",
+        "affinity.kernel": "ordered",
+        "affinity.ranking": "row",
+        "affinity.weight": "equal",
+        "groups.rule": "spectral",
+        "groups.equal": True,
+        "groups.count": 2,
+    },
 }
 """Named settings; ``paper-core`` is the paper to the letter from the proposals on."""
 
@@ -307,7 +361,7 @@ def defaults() -> Mapping[str, Any]:
     return Settings().flat()
 
 
-def describe(name: str) -> dict[str, str]:
+def describe(name: str) -> dict[str, Any]:
     """Default, unit, allowed values and meaning of one setting, in words."""
     section, field = name.split(".", 1)
     model: type[Section] = type(getattr(Settings(), section))
@@ -320,7 +374,7 @@ def describe(name: str) -> dict[str, str]:
     )
     return {
         "name": name,
-        "default": str(info.default),
+        "default": info.default,
         "unit": extra["unit"],
         "allowed": allowed(model, field),
         "meaning": f"{info.description}{condition}",
