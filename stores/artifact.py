@@ -82,18 +82,16 @@ class Writer:
         target = zarr.open_group(folder, mode="a")
         self.files.append(folder / "zarr.json")
         for name, values in tables.items():
-            array = target.create_array(
+            target.create_array(
                 name,
-                shape=values.shape,
+                data=values,
                 chunks=tuple(max(n, 1) for n in values.shape),
-                dtype=values.dtype,
                 compressors=table_codecs(),
                 dimension_names=[f"{name}_{i}" for i in range(values.ndim)],
-                overwrite=True,
+                config={"write_empty_chunks": True},
             )
             self.files.append(folder / name / "zarr.json")
             if values.size:
-                array.with_config({"write_empty_chunks": True})[...] = values
                 self.files.append(folder / name / "c" / "/".join(["0"] * values.ndim))
 
 
@@ -238,6 +236,10 @@ class Artifact:
     def zarr_array(self, name: str) -> Any:
         """The Zarr array ``name``, opened once a process."""
         return _open_array(str(self.data / name))
+
+    def has(self, name: str) -> bool:
+        """Whether there is a video array ``name``."""
+        return (self.data / name / "zarr.json").exists()
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of a video array."""

@@ -56,9 +56,11 @@ def encode(values: np.ndarray[Any, Any], attributes: Mapping[str, Any], dtype: n
     """
     if "scale_factor" in attributes:
         info = np.iinfo(dtype)
-        scaled = np.rint(values * (1 / attributes["scale_factor"]))
-        clipped = np.clip(scaled, info.min + 1, info.max)
-        return np.where(np.isfinite(values), clipped, attributes["_FillValue"]).astype(dtype)
+        scaled = values * np.float32(1 / attributes["scale_factor"])
+        np.rint(scaled, out=scaled)
+        np.clip(scaled, info.min + 1, info.max, out=scaled)
+        scaled[np.isnan(scaled)] = attributes["_FillValue"]
+        return scaled.astype(dtype)
     if values.dtype != dtype:
         raise TypeError(f"expected {dtype}, got {values.dtype}")
     return values

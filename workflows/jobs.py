@@ -70,7 +70,7 @@ def _run(job: Job) -> Outcome:
     from zsmoseg.workflows.stage import Task
     from zsmoseg.workflows.stages import STAGES
 
-    clock = time.perf_counter()
+    clock = time.process_time()
     stage, store = STAGES[job.stage], Store.open(job.store, create=False)
     inputs = {name: store.artifact(job.video, name, key) for name, key in job.inputs.items()}
     described = store.artifact(job.video, "frames", job.frames).description
@@ -80,7 +80,7 @@ def _run(job: Job) -> Outcome:
     )
     if stage.output:
         facts = dict(stage.task(task).facts)
-        return Outcome("done", time.perf_counter() - clock, peak_memory_mb(), facts)
+        return Outcome("done", time.process_time() - clock, peak_memory_mb(), facts)
     artifact = store.artifact(job.video, job.stage, job.key)
     record = artifact.part(job.part)
     if record is None or artifact.part_problem(job.part):
@@ -90,8 +90,8 @@ def _run(job: Job) -> Outcome:
             for group, tables in left.groups:
                 writer.put_tables(tables, group)
             writer.put_tables(left.tables)
-            writer.facts = {**left.facts, "seconds": round(time.perf_counter() - clock, 4)}
-    return Outcome("done", time.perf_counter() - clock, peak_memory_mb())
+            writer.facts = {**left.facts, "seconds": round(time.process_time() - clock, 4)}
+    return Outcome("done", time.process_time() - clock, peak_memory_mb())
 
 
 def limit_threads() -> None:

@@ -63,15 +63,19 @@ def overlay(frame: UInt8, mask: NDArray[np.integer[Any]], strength: float = 0.55
 
     The hues go round the circle by the golden angle, so neighbours in number differ; group 1 is orange.
     """
-    if not mask.any():
-        return frame.copy()
-    on = mask > 0
-    colours = group_colours(int(mask.max()))[mask]
-    mixed = cv2.addWeighted(frame, 1 - strength, colours, strength, 0)
-    out = np.where(on[..., None], mixed, frame)
-    edge = cv2.morphologyEx(mask.astype(np.uint16), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
-    out[edge & on] = colours[edge & on]
-    return np.asarray(out, np.uint8)
+    out = frame.copy()
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    if not len(rows):
+        return out
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    part, inside = out[box], mask[box].astype(np.uint16)
+    on = inside > 0
+    colours = group_colours(int(inside.max()))[inside[on]]
+    part[on] = cv2.addWeighted(part[on], 1 - strength, colours, strength, 0)
+    padded = cv2.copyMakeBorder(inside, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
+    edge = cv2.morphologyEx(padded, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0
+    part[edge & on] = colours[edge[on]]
+    return out
 
 
 def group_colours(highest: int) -> UInt8:

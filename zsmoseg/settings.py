@@ -101,7 +101,9 @@ class Flow(Section):
 class Depth(Section):
     """Pseudo depth."""
 
-    source: Literal["constant"] = setting("constant", "constant: no depth")
+    source: Literal["constant", "ground"] = setting(
+        "constant", "constant: no depth; ground: a plane that comes nearer towards the bottom"
+    )
 
 
 class Segments(Section):
@@ -259,7 +261,7 @@ class Overlay(Section):
 class Chunk(Section):
     """How work is cut. Changes no value and is in no key."""
 
-    length: int = setting(16, "frames of a chunk", "frames", ge=1, le=4096)
+    length: int = setting(32, "frames of a chunk", "frames", ge=1, le=4096)
 
 
 class Settings(BaseModel):

@@ -3,6 +3,7 @@
 from zsmoseg.workflows.stage import Stage
 from zsmoseg.workflows.stages import (
     affinity,
+    depth,
     flow,
     frames,
     groups,
@@ -21,6 +22,7 @@ STAGES: dict[str, Stage] = {
     for module in (
         frames,
         flow,
+        depth,
         segments,
         tables,
         objects,

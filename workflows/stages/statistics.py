@@ -24,8 +24,10 @@ def task(task: Task) -> Left:
     grams = np.zeros((task.last_pair - task.start, rows, SIZE, SIZE))
     valid = read_states(task.inputs["flow"], task.start, task.last_pair) == 0
     flow = task.inputs["flow"].read("forward", task.start, task.last_pair)
+    depth = task.inputs["depth"]
+    known = depth.read("inverse_depth", task.start, task.stop) if depth.has("inverse_depth") else None
     for m in np.flatnonzero(valid):
-        grams[m] = pair_statistics(labels[m], ids, flow[m], None, ignore, s)
+        grams[m] = pair_statistics(labels[m], ids, flow[m], None if known is None else known[m], ignore, s)
     pieces = measure_pieces(labels, frames, ids)
     return Left(
         tables={
@@ -50,7 +52,7 @@ STAGE = Stage(
     "statistics",
     1,
     task,
-    inputs={"frames": 0, "flow": 0, "labels": 0},
+    inputs={"frames": 0, "flow": 0, "depth": 0, "labels": 0},
     sections=("frames", "statistics", "ignore"),
     cost=(8.0, 40.0),
 )
