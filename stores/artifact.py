@@ -66,11 +66,12 @@ class Writer:
                 raise StoreError(f"{self.artifact.path}: {name}: expected {array.shape[1:]} a frame, got {values.shape[1:]}")
             if not len(values):
                 continue
+            zeros = "/".join(["0"] * (array.ndim - 1))
+            shard = self.artifact.data / name / "c" / str(start // array.shards[0]) / zeros
+            shard.unlink(missing_ok=True)  # a damaged one would be read, to be completed
             stored = encode(values, array.attrs, array.dtype)
             array.with_config({"write_empty_chunks": True})[start : start + len(values)] = stored
-            index = start // array.shards[0]
-            zeros = "/".join(["0"] * (array.ndim - 1))
-            self.files.append(self.artifact.data / name / "c" / str(index) / zeros)
+            self.files.append(shard)
 
     def put_tables(self, tables: Mapping[str, Array], group: str = "") -> None:
         """Tables of this part alone, of any size and kind."""

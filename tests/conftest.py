@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -36,10 +37,10 @@ def draw_clip(
         if mover:
             centre = (width // 3 + 3 * t, height // 2 + t)
             cv2.circle(mask, centre, 18, 1, -1)
-            x, y = centre[0] - 30, centre[1] - 30
-            patch = np.zeros_like(image)
-            patch[max(y, 0) : y + 60, max(x, 0) : x + 60] = skin[: height - y, : width - x]
-            image[mask > 0] = patch[mask > 0]
+            patch = np.zeros((height + 120, width + 120, 3), np.uint8)
+            x, y = centre[0] + 30, centre[1] + 30
+            patch[y : y + 60, x : x + 60] = skin
+            image[mask > 0] = patch[60:-60, 60:-60][mask > 0]
         images.append(image)
         truth.append(mask > 0)
     return np.stack(images), np.stack(truth)
@@ -68,7 +69,10 @@ def davis() -> Path:
     return folder
 
 
-@pytest.fixture(autouse=True)
-def _no_store_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("ZSMOSEG_STORE", raising=False)
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
+@pytest.fixture(autouse=True, scope="session")
+def _as_if_alone() -> Iterator[None]:
+    """No store from outside; no waiting for the disk."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("ZSMOSEG_STORE", raising=False)
+        patch.setattr(os, "fsync", lambda _: None)
+        yield

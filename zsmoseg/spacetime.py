@@ -115,7 +115,7 @@ def window(tables: ChunkTables, start: int, shape: tuple[int, int]) -> Window:
 
 
 def from_border(w: Window, cost: Floats, entry: Floats) -> Floats:
-    """Cost of the cheapest path from the border of its frame to each node.
+    """Cost of the cheapest path from the border of its frame to each node; 0 where ignored pixels cut it off.
 
     Parameters
     ----------
@@ -129,7 +129,8 @@ def from_border(w: Window, cost: Floats, entry: Floats) -> Floats:
     value = np.r_[cost, cost, entry[rim]] + 1e-9  # scipy takes an explicit zero for no edge
     row, column = np.r_[w.edge[:, 0], w.edge[:, 1], source], np.r_[w.edge[:, 1], w.edge[:, 0], rim]
     graph = sp.csr_array((value, (row, column)), (nodes + 1, nodes + 1))
-    return np.asarray(dijkstra(graph, indices=nodes)[:nodes])
+    distance = dijkstra(graph, indices=nodes)[:nodes]
+    return np.where(np.isfinite(distance), distance, 0.0)
 
 
 def colour_distance(w: Window, pairs: Ints) -> Floats:
