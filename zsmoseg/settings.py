@@ -94,7 +94,10 @@ class Flow(Section):
         0.58, "share of pixels that the other frame does not explain above which a pair is a cut", gt=0, le=1
     )
     repeat: float = setting(
-        4.0, "difference of local means up to which a frame is a repeat of the one before", "grey levels", ge=0
+        4.0,
+        "difference of local means up to which a frame is a repeat of the one before",
+        "grey levels",
+        ge=0,
     )
 
 
@@ -190,9 +193,12 @@ class Affinity(Section):
     """Similarity of objects from the residuals of all pairs."""
 
     kernel: Literal["inlier", "ordered", "ordered-weighted"] = setting(
-        "inlier", "inlier: residuals below a factor; ordered: the paper's truncated ranks; or all lengths, 1 / t"
+        "inlier",
+        "inlier: residuals below a factor; ordered: the paper's truncated ranks; or all lengths, 1 / t",
     )
-    factor: float = setting(1.4, "residual over own residual up to which a model fits", "", ("kernel", "inlier"), gt=0)
+    factor: float = setting(
+        1.4, "residual over own residual up to which a model fits", "", ("kernel", "inlier"), gt=0
+    )
     floor: float = setting(0.15, "residual that is noise", "px", ("kernel", "inlier"), ge=0)
     share: float = setting(
         0.5, "part of the objects that each chooses (t / N)", "", ("kernel", "ordered"), gt=0, le=1
@@ -203,14 +209,17 @@ class Affinity(Section):
         "",
         ("kernel", "ordered", "ordered-weighted"),
     )
-    weight: Literal["area", "equal"] = setting("area", "pairs count by the root of the smaller area, or all alike")
+    weight: Literal["area", "equal"] = setting(
+        "area", "pairs count by the root of the smaller area, or all alike"
+    )
 
 
 class Groups(Section):
     """Which objects move together, and which do not move. Excess: root mean square, px of the working grid."""
 
     rule: Literal["calibrated", "spectral"] = setting(
-        "calibrated", "calibrated: evidence against the background's own cells; spectral: cluster the affinity"
+        "calibrated",
+        "calibrated: evidence against the background's own cells; spectral: cluster the affinity",
     )
     count: Literal["auto"] | Annotated[int, Field(ge=1)] = setting(
         "auto", "number of groups, the static one included, or auto"
@@ -225,11 +234,15 @@ class Groups(Section):
     exist: float = setting(1.0, "something moves if the strongest exceeds this many largest cells", gt=0)
     clear: float = setting(0.5, "excess of proposals that are never all dropped ...", "px", ge=0)
     clear_cells: float = setting(0.35, "... if they also reach this many largest cells", ge=0)
-    top_fraction: float = setting(0.6, "an object below this part of the strongest does not move ...", ge=0, le=1)
+    top_fraction: float = setting(
+        0.6, "an object below this part of the strongest does not move ...", ge=0, le=1
+    )
     certain: float = setting(5.0, "... unless its excess is this many yardsticks", gt=0)
     keep: float = setting(0.9, "the threshold stays below this part of the strongest", gt=0, le=1)
     rounds: int = setting(2, "passes; from the second on static objects belong to the world", ge=1, le=10)
-    noise_area: float = setting(50.0, "correlation area of flow noise", "px^2", ge=0)
+    noise_area: float = setting(
+        100.0, "correlation area of flow noise: about a patch of the flow", "px^2", ge=0
+    )
     same: float = setting(1.5, "two movers move together below this many yardsticks ...", ge=0)
     same_own: float = setting(0.35, "... plus this part of their own residual: limbs are not rigid", ge=0)
     share: float = setting(0.02, "pixels of the largest mover that make a group of its own", ge=0, le=1)
@@ -238,7 +251,9 @@ class Groups(Section):
     reach: float = setting(1.0, "near: boxes closer than this many sizes of the larger object", ge=0)
     gap: int = setting(12, "frames that a thing may be out of sight", "frames", ge=1)
     colour: float = setting(0.5, "histogram intersection that bridges a gap", ge=0, le=1)
-    overlap: float = setting(0.5, "part of its life up to which an object may be seen beside its successor", ge=0, le=1)
+    overlap: float = setting(
+        0.5, "part of its life up to which an object may be seen beside its successor", ge=0, le=1
+    )
     state_window: int = setting(5, "pairs of the median of the motion state", "pairs", ge=1)
     state_low: float = setting(0.7, "thresholds below which a mover rests", gt=0)
     state_high: float = setting(1.3, "thresholds above which it moves again", gt=0)

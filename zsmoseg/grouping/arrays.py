@@ -1,0 +1,76 @@
+"""The whole core on arrays in memory: labels and flow of a shot in, groups out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.grouping.affinity import accumulate, normalised
+from zsmoseg.grouping.evidence import PairGrams
+from zsmoseg.grouping.groups import ShotGroups, group_shot
+from zsmoseg.linking import measure_pieces
+from zsmoseg.motion.models import MODELS
+from zsmoseg.motion.residuals import pair_residuals
+from zsmoseg.motion.statistics import pair_statistics
+from zsmoseg.settings import Settings
+
+
+def shot_grams(
+    labels: NDArray[np.integer[Any]],
+    flow: NDArray[np.float32],
+    inverse_depth: NDArray[np.floating] | None,
+    settings: Settings,
+    ignore: NDArray[np.bool_] | None = None,
+    valid: NDArray[np.bool_] | None = None,
+) -> list[PairGrams]:
+    """The Grams of the valid pairs; parameters as in ``group_arrays``."""
+    ids = np.arange(int(labels.max(initial=0)) + 1, dtype=np.int64)
+    out = []
+    for m in range(len(flow)):
+        if valid is None or valid[m]:
+            depth = None if inverse_depth is None else inverse_depth[m]
+            gram = pair_statistics(labels[m], ids, flow[m], depth, ignore, settings.statistics)
+            out.append(PairGrams(m, ids, gram[: len(ids)], gram[len(ids) :]))
+    return out
+
+
+def group_arrays(
+    labels: NDArray[np.integer[Any]],
+    frames: NDArray[np.uint8],
+    flow: NDArray[np.float32],
+    inverse_depth: NDArray[np.floating] | None,
+    settings: Settings,
+    ignore: NDArray[np.bool_] | None = None,
+    valid: NDArray[np.bool_] | None = None,
+) -> ShotGroups:
+    """Statistics, residuals, affinity and groups of one shot.
+
+    Parameters
+    ----------
+    labels : (T, h, w) object of every pixel, 0 = background, numbered without gaps.
+    frames : (T, h, w, 3) blue green red.
+    flow : (T - 1, 2, h, w) px, x then y, to the next frame.
+    inverse_depth : (T, h, w) of any positive scale, or None.
+    settings : the sections ``statistics``, ``motion``, ``affinity`` and ``groups`` are read.
+    ignore : (h, w) true where pixels count for nothing.
+    valid : (T - 1,) false for pairs that are no pairs: a cut, a repeated frame.
+
+    Returns
+    -------
+    ShotGroups
+        Groups and things by object, motion state by frame and object, and the evidence.
+    """
+    grams = shot_grams(labels, flow, inverse_depth, settings, ignore, valid)
+    count = int(labels.max(initial=0)) + 1
+    model = settings.motion.model
+    pairs = ((g.ids, *pair_residuals(g.objects, MODELS[model])[:2]) for g in grams)
+    affinity = normalised(*accumulate(pairs, count, settings.affinity))
+    pieces = measure_pieces(labels, frames, np.arange(count, dtype=np.int64))
+
+    def shot() -> Iterator[PairGrams]:
+        return iter(grams)
+
+    return group_shot(shot, pieces, affinity, labels.shape[1:], model, settings.groups)
