@@ -1,99 +1,80 @@
 """One artifact: what one stage left of one video with one key.
 
-    artifact.json      stage, version, settings, keys of inputs, how it is cut
-    data.zarr/         video arrays, whole shards; parts/0003/ the tables of one part
+    artifact.json      stage, version, settings, keys of inputs, how it is cut, how its arrays lie
+    data.zarr/         video arrays, one shard a part; parts/0003/ the tables of part 3
     parts/0003.json    written when part 3 is whole: its files, their sizes and checksums
     done.json          written last, when all parts are there
 
 Existence is the record, never the bytes: a shard that is missing or empty would read as fill value.
+Looking at records imports the standard library only; numpy and Zarr come with the first array.
 """
 
 from __future__ import annotations
 
-import errno
+import json
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from zsmoseg.errors import SpaceError, StoreError
-from zsmoseg.stores.records import read_json, write_json
-from zsmoseg.stores.schema import ArraySpec, decode, encode, image_codecs, table_codecs
+from zsmoseg.errors import StoreError
+from zsmoseg.stores import files
+from zsmoseg.stores.records import as_json, checksum, recall_record, write_record
+from zsmoseg.stores.schema import TABLES, ArraySpec, layout
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
 
-Array = np.ndarray[Any, Any]
+    from zsmoseg.stores.writer import PartWriter
+
+    Array = np.ndarray[Any, Any]
+
+AGAIN = "run the same command again"
 
 
 @dataclass(frozen=True)
 class PartRecord:
-    """What a finished part left: files with ``size`` and ``crc32c``, and small facts."""
+    """What a finished part left.
 
-    files: Mapping[str, Mapping[str, Any]]
+    Attributes
+    ----------
+    start, stop
+        Its frames.
+    files
+        ``size`` and ``crc32`` of each file, by path relative to the artifact.
+    tables
+        Path of the data (None where a table has no element) by group ("" is the part's own) and name.
+    facts
+        What the task noted.
+    """
+
+    start: int
+    stop: int
+    files: Mapping[str, Mapping[str, int]]
+    tables: Mapping[str, Mapping[str, str | None]]
     facts: Mapping[str, Any]
+
+    @property
+    def seconds(self) -> float:
+        """How long the task took."""
+        return float(self.facts.get("seconds", 0.0))
+
+    @property
+    def memory_mb(self) -> float:
+        """Its peak memory."""
+        return float(self.facts.get("memory_mb", 0.0))
 
 
 @dataclass(frozen=True)
 class Damage:
-    """A file that is not as its record says."""
+    """A file that is not as its record says; ``part`` where it belongs to one part of an artifact."""
 
     path: Path
+    part: int | None
     what: str
-
-
-@dataclass
-class Writer:
-    """Writes one part; its record appears when the ``with`` block of ``Artifact.writer`` ends well."""
-
-    artifact: Artifact
-    part: int
-    facts: dict[str, Any] = field(default_factory=dict)
-    files: list[Path] = field(default_factory=list)
-
-    def put_arrays(self, arrays: Mapping[str, Array]) -> None:
-        """This part's frames (or pairs) of video arrays, physical values."""
-        start = self.artifact.parts[self.part][0]
-        for name, values in arrays.items():
-            array = self.artifact.zarr_array(name)
-            if array.shape[1:] != values.shape[1:]:
-                raise StoreError(f"{self.artifact.path}: {name}: expected {array.shape[1:]} a frame, got {values.shape[1:]}")
-            if not len(values):
-                continue
-            zeros = "/".join(["0"] * (array.ndim - 1))
-            shard = self.artifact.data / name / "c" / str(start // array.shards[0]) / zeros
-            shard.unlink(missing_ok=True)  # a damaged one would be read, to be completed
-            stored = encode(values, array.attrs, array.dtype)
-            array.with_config({"write_empty_chunks": True})[start : start + len(values)] = stored
-            self.files.append(shard)
-
-    def put_tables(self, tables: Mapping[str, Array], group: str = "") -> None:
-        """Tables of this part alone, of any size and kind."""
-        if not tables:
-            return
-        import zarr
-
-        folder = self.artifact.table_folder(self.part) / group
-        target = zarr.open_group(folder, mode="a")
-        self.files.append(folder / "zarr.json")
-        for name, values in tables.items():
-            target.create_array(
-                name,
-                data=values,
-                chunks=tuple(max(n, 1) for n in values.shape),
-                compressors=table_codecs(),
-                dimension_names=[f"{name}_{i}" for i in range(values.ndim)],
-                config={"write_empty_chunks": True},
-            )
-            self.files.append(folder / name / "zarr.json")
-            if values.size:
-                self.files.append(folder / name / "c" / "/".join(["0"] * values.ndim))
 
 
 @dataclass(frozen=True)
@@ -102,207 +83,323 @@ class Artifact:
 
     path: Path
 
+    # ------------------------------------------------------------------ records
     @property
     def data(self) -> Path:
         """The Zarr group."""
         return self.path / "data.zarr"
 
     @property
+    def _described(self) -> dict[str, Any]:
+        return recall_record(self.path / "artifact.json") or {}
+
+    @property
     def description(self) -> dict[str, Any] | None:
-        """What ``begin`` was told; None where there is nothing, or it is damaged."""
-        return read_json(self.path / "artifact.json")
+        """What ``begin`` was told, and ``parts``; None where there is nothing, or it is damaged."""
+        told = {name: value for name, value in self._described.items() if name not in ("arrays", "layout")}
+        return told or None
 
     @property
     def parts(self) -> list[tuple[int, int]]:
-        """The frames (start, stop) of each part."""
-        described = self.description
-        return [(a, b) for a, b in described["parts"]] if described else []
+        """The frames (start, stop) of each part; empty where there is no description."""
+        return [(start, stop) for start, stop in self._described.get("parts", [])]
+
+    @property
+    def arrays(self) -> dict[str, dict[str, Any]]:
+        """The video arrays by name: the fields of their ``ArraySpec``."""
+        return dict(self._described.get("arrays", {}))
 
     @property
     def done(self) -> dict[str, Any] | None:
         """The last record; None until all is there."""
-        return read_json(self.path / "done.json")
+        return recall_record(self.path / "done.json")
+
+    def record_path(self, part: int) -> Path:
+        """The record of a part."""
+        return self.path / "parts" / f"{part:04d}.json"
 
     def table_folder(self, part: int) -> Path:
         """The Zarr group of the tables of a part."""
-        return self.data / "parts" / f"{part:04d}"
+        return self.data / TABLES / f"{part:04d}"
+
+    def shard(self, name: str, part: int) -> Path:
+        """The file that holds a part of a video array."""
+        dimensions = len(self._described["arrays"][name]["dims"])
+        return self.data.joinpath(name, "c", str(part), *["0"] * (dimensions - 1))
+
+    def part(self, part: int) -> PartRecord | None:
+        """The record of a part; None where it is missing or damaged."""
+        found = recall_record(self.record_path(part))
+        fields = {"start", "stop", "files", "tables", "facts"}
+        return PartRecord(**found) if found and found.keys() == fields else None
 
     # ------------------------------------------------------------------ laying out, sealing
     def begin(
-        self, description: Mapping[str, Any], parts: Sequence[tuple[int, int]], specs: Sequence[ArraySpec]
+        self,
+        description: Mapping[str, Any],
+        parts: Sequence[tuple[int, int]],
+        video_arrays: Sequence[ArraySpec] = (),
     ) -> None:
-        """Lay the artifact out, or mend its metadata; data and records stay."""
-        self.data.mkdir(parents=True, exist_ok=True)
-        content = {**description, "parts": [list(p) for p in parts]}
-        if self.description != content:
-            write_json(self.path / "artifact.json", content)
+        """Lay the artifact out, or mend its metadata; data and records stay. For one planner at a time.
+
+        An artifact that exists keeps the parts and codecs it was begun with; one whose arrays are of another
+        kind is begun anew.
+
+        Parameters
+        ----------
+        description
+            Stage, version, settings, keys of inputs and what else is worth knowing; JSON types.
+        parts
+            The frames of each part, in order, without gaps. With video arrays all but the last are equally
+            long.
+
+        Raises
+        ------
+        ValueError
+            If the parts are not such.
+        SpaceError
+            If the disk is full.
+        """
+        _check_cut(parts, video_arrays)
+        arrays = {spec.name: spec.to_json() for spec in video_arrays}
+        content = as_json({**description, "parts": parts, "arrays": arrays})
+        old = self._described
+        if old and old["arrays"] == content["arrays"] and old["parts"][-1][1] == content["parts"][-1][1]:
+            content |= {"parts": old["parts"], "layout": old["layout"]}
+        else:
+            if old or self._cut_otherwise(parts):
+                for name in ("done.json", "parts", "data.zarr"):
+                    files.remove(self.path / name)
+            content["layout"] = layout(video_arrays, parts[0][1] - parts[0][0])
+        if content != old:
+            write_record(self.path / "artifact.json", content)
         os.utime(self.path / "artifact.json")
-        for name, text in _metadata(tuple(specs), parts[0][1] - parts[0][0]).items():
-            path = self.data / name
-            if not path.exists() or path.read_bytes() != text:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(text)
+        for path, text in self._metadata():
+            if files.read(path) != text:
+                files.write_whole(path, text)
+        if self.done is None:
+            for leftover in files.leftovers(self.path):
+                files.remove(leftover)
+
+    def _cut_otherwise(self, parts: Sequence[tuple[int, int]]) -> bool:
+        """Whether records are left from a time when the artifact was cut in another way."""
+        known = [int(path.stem) for path in (self.path / "parts").glob("[0-9]*.json")]
+        records = [(i, record) for i in known if (record := self.part(i))]
+        return any(i >= len(parts) or (record.start, record.stop) != tuple(parts[i]) for i, record in records)
+
+    def _metadata(self) -> Iterator[tuple[Path, bytes]]:
+        """The metadata of the Zarr group that no part owns, as it has to be."""
+        for name, content in self._described.get("layout", {}).items():
+            yield self.data / name, json.dumps(content, indent=2).encode()
 
     def invalidate(self, parts: Iterable[int]) -> None:
-        """Take back the records of ``parts``, and that the whole is done."""
+        """Take back the records of ``parts``; before them, that the whole is done. Data and metadata stay."""
         for part in parts:
-            (self.path / "done.json").unlink(missing_ok=True)
-            (self._record(part)).unlink(missing_ok=True)
+            files.remove(self.path / "done.json")
+            files.remove(self.record_path(part))
 
-    def seal(self) -> None:
+    def seal(self, extra: Mapping[str, Any] | None = None) -> None:
         """Say that all is there.
+
+        Parameters
+        ----------
+        extra
+            What else ``done`` shall hold.
 
         Raises
         ------
         StoreError
-            If it is not.
+            If a part is not usable.
         """
-        records = {}
         for part in range(len(self.parts)):
             if problem := self.part_problem(part):
-                raise StoreError(f"{self.path}: part {part}: {problem}; run the same command again")
-            records[f"{part:04d}"] = self._record(part).stat().st_size
-        write_json(self.path / "done.json", {"records": records}, sync=True)
+                raise StoreError(f"{self.path}: part {part}: {problem}; {AGAIN}")
+        if not self.parts:
+            raise StoreError(f"{self.path}: artifact.json is missing or damaged; {AGAIN}")
+        records = [recall_record(self.record_path(part)) for part in range(len(self.parts))]
+        content = {**(extra or {}), "records": [checksum(record) for record in records if record]}
+        write_record(self.path / "done.json", content, sync=True)
 
-    # ------------------------------------------------------------------ parts
-    def _record(self, part: int) -> Path:
-        return self.path / "parts" / f"{part:04d}.json"
-
-    def part(self, part: int) -> PartRecord | None:
-        """The record of a part; None where it is missing or damaged."""
-        content = read_json(self._record(part))
-        return PartRecord(content["files"], content["facts"]) if content else None
-
+    # ------------------------------------------------------------------ whether all is well
     def part_problem(self, part: int) -> str | None:
-        """Why a part is not usable, by records and sizes; None where it is."""
+        """Why a part is not usable, by its record and the sizes of its files; None where it is."""
         record = self.part(part)
         if record is None:
-            return "not computed yet" if not self._record(part).exists() else "its record is damaged"
-        return next((f"{d.path.name} {d.what}" for d in self._wrong_sizes(record)), None)
+            missing = files.size(self.record_path(part)) is None
+            return "not computed yet" if missing else "its record is damaged"
+        if self.parts[part : part + 1] != [(record.start, record.stop)]:
+            return "the video was cut in another way"
+        wrong = self.wrong_sizes(part, record.files)
+        return f"{wrong[0].path.relative_to(self.path)} {wrong[0].what}" if wrong else None
 
-    def _wrong_sizes(self, record: PartRecord) -> Iterator[Damage]:
-        for name, entry in record.files.items():
-            try:
-                size = (self.path / name).stat().st_size
-            except OSError:
-                yield Damage(self.path / name, "is missing")
-                continue
-            if size != entry["size"]:
-                yield Damage(self.path / name, f"has {size} bytes instead of {entry['size']}")
+    part_ok = part_problem
+    """The same: None is good."""
 
-    def check(self) -> Iterator[Damage]:
-        """Compare every file with its record, content too."""
-        if self.description is None:
-            yield Damage(self.path / "artifact.json", "is missing or damaged")
+    def wrong_sizes(self, part: int, names: Iterable[str]) -> list[Damage]:
+        """Which of the files ``names`` of a part have not the size that its record says."""
+        record, found = self.part(part), []
+        for name in names:
+            expected = record.files[name]["size"] if record and name in record.files else None
+            actual = files.size(self.path / name)
+            if expected is None:
+                found.append(Damage(self.path / name, part, "is in no record"))
+            elif actual is None:
+                found.append(Damage(self.path / name, part, "is missing"))
+            elif actual != expected:
+                found.append(Damage(self.path / name, part, f"has {actual} bytes instead of {expected}"))
+        return found
+
+    def check(self, deep: bool = False) -> list[Damage]:
+        """What is damaged: by sizes, or by content too (``deep``). Parts not computed yet are no damage."""
+        if not self._described:
+            return [Damage(self.path / "artifact.json", None, "is missing or damaged")]
+        found = [
+            Damage(path, None, "is missing" if files.size(path) is None else "is damaged")
+            for path, text in self._metadata()
+            if files.read(path) != text
+        ]
+        done = self.done
+        if done is None and files.size(self.path / "done.json") is not None:
+            found.append(Damage(self.path / "done.json", None, "is damaged"))
         for part in range(len(self.parts)):
-            record = self.part(part)
-            if record is None:
-                if self.done is not None:
-                    yield Damage(self._record(part), "is missing or damaged")
-                continue
-            wrong = list(self._wrong_sizes(record))
-            yield from wrong
-            for name, entry in record.files.items():
-                if self.path / name not in [d.path for d in wrong] and _crc32c(self.path / name) != entry["crc32c"]:
-                    yield Damage(self.path / name, "has other content than was written")
+            found += self._check_part(part, done, deep)
+        return found
 
-    @contextmanager
-    def writer(self, part: int) -> Iterator[Writer]:
-        """Write a part; its record appears last.
+    def _check_part(self, part: int, done: Mapping[str, Any] | None, deep: bool) -> list[Damage]:
+        path = self.record_path(part)
+        record = recall_record(path)
+        if record is None:
+            exists = files.size(path) is not None
+            missing = [Damage(path, part, "is damaged" if exists else "is missing")]
+            return missing if exists or done is not None else []
+        if done is not None and done["records"][part : part + 1] != [checksum(record)]:
+            return [Damage(path, part, "is another one than when the artifact was sealed")]
+        wrong = self.wrong_sizes(part, record["files"])
+        healthy = set(record["files"]) - {damage.path.relative_to(self.path).as_posix() for damage in wrong}
+        return wrong + (self.wrong_content(part, sorted(healthy)) if deep else [])
+
+    def wrong_content(self, part: int, names: Iterable[str]) -> list[Damage]:
+        """Which of the files ``names`` of a part have another checksum than its record says."""
+        record, found = self.part(part), []
+        for name in names:
+            content = files.read(self.path / name)
+            if record is None or content is None or files.crc32(content) != record.files[name]["crc32"]:
+                found.append(Damage(self.path / name, part, "has other content than was written"))
+        return found
+
+    # ------------------------------------------------------------------ writing
+    def writer(self, part: int) -> PartWriter:
+        """Write a part bit by bit, in a ``with`` block; its record appears at the end.
 
         Raises
         ------
         SpaceError
             If the disk is full; what was written of the part is removed.
         """
-        shutil.rmtree(self.table_folder(part), ignore_errors=True)
-        writer = Writer(self, part)
-        try:
-            yield writer
-            files = {
-                str(path.relative_to(self.path)): {"size": path.stat().st_size, "crc32c": _crc32c(path)}
-                for path in writer.files
-            }
-            write_json(self._record(part), {"files": files, "facts": writer.facts})
-        except OSError as error:
-            if error.errno not in (errno.ENOSPC, errno.EDQUOT):
-                raise
-            for path in writer.files:
-                path.unlink(missing_ok=True)
-            raise SpaceError(
-                f"{self.path}: no space left on the disk; free some and run the same command again"
-            ) from error
+        from zsmoseg.stores.writer import PartWriter
+
+        return PartWriter(self, part)
+
+    table_writer = writer
+
+    def write(
+        self,
+        part: int,
+        arrays: Mapping[str, Array] | None = None,
+        tables: Mapping[str, Array] | None = None,
+        attributes: Mapping[str, Any] | None = None,
+        *,
+        seconds: float | None = None,
+        memory_mb: float | None = None,
+    ) -> PartRecord:
+        """Write a part at once, over what it had before.
+
+        Parameters
+        ----------
+        arrays
+            Every video array by name: (rows of this part, ...), physical values.
+        tables
+            By name, any size; booleans, integers or floating numbers.
+        attributes, seconds, memory_mb
+            For the record's facts.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If types or shapes are not as laid out.
+        SpaceError
+            If the disk is full; what was written of the part is removed.
+        """
+        writer = self.writer(part)
+        writer.put_arrays(arrays or {})
+        writer.put_tables(tables or {})
+        measured = {"seconds": seconds, "memory_mb": memory_mb}
+        writer.facts = {**(attributes or {}), **{k: v for k, v in measured.items() if v is not None}}
+        return writer.close()
 
     # ------------------------------------------------------------------ reading
     def zarr_array(self, name: str) -> Any:
         """The Zarr array ``name``, opened once a process."""
-        return _open_array(str(self.data / name))
+        from zsmoseg.stores.reader import open_array
+
+        return open_array(self, name)
 
     def has(self, name: str) -> bool:
         """Whether there is a video array ``name``."""
-        return (self.data / name / "zarr.json").exists()
+        return name in self.arrays
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of a video array."""
-        return tuple(self.zarr_array(name).shape)
+        return tuple(self._described["arrays"][name]["shape"])
 
-    def read(self, name: str, start: int, stop: int) -> Array:
-        """Frames (or pairs) ``start`` to ``stop - 1`` of a video array, in physical units.
+    def read(self, name: str, start: int, stop: int, raw: bool = False) -> Array:
+        """Frames (or pairs) ``start`` to ``stop - 1`` of a video array.
 
-        Raises
-        ------
-        StoreError
-            If a part that holds them is not whole.
-        """
-        for part, (a, b) in enumerate(self.parts):
-            if a < stop and b > start and (problem := self.part_problem(part)):
-                raise StoreError(f"{self.path}: frames {a} to {b - 1}: {problem}; run the same command again")
-        array = self.zarr_array(name)
-        return decode(array[start:stop], array.attrs)
-
-    def read_table(self, part: int, group: str = "") -> dict[str, Array]:
-        """The tables of a part.
+        Parameters
+        ----------
+        raw
+            As stored. Else arrays with a scale come in physical units, float32, NaN where unknown.
 
         Raises
         ------
         StoreError
-            If the part is not whole.
+            If a file that holds them is missing or not as its record says.
+        ValueError
+            If the array is not that long.
         """
-        import zarr
+        from zsmoseg.stores.reader import read
 
-        if problem := self.part_problem(part):
-            raise StoreError(f"{self.path}: part {part}: {problem}; run the same command again")
-        found = zarr.open_group(self.table_folder(part) / group, mode="r")
-        return {name: np.asarray(array[...]) for name, array in sorted(found.arrays())}
+        return read(self, name, start, stop, raw)
+
+    def read_table(self, part: int, group: str | None = None) -> dict[str, Array]:
+        """The tables of a part, of its own group or of a named one.
+
+        Raises
+        ------
+        StoreError
+            If a file is missing or not as its record says, or there is no such group.
+        """
+        from zsmoseg.stores.reader import read_tables
+
+        return {name: values for name, (values, _) in read_tables(self, part, group or "").items()}
 
     def groups(self, part: int) -> list[str]:
         """The named groups of tables of a part."""
-        folder = self.table_folder(part)
-        return sorted(p.name for p in folder.iterdir() if (p / "zarr.json").exists() and not (p / "c").exists() and _is_group(p))
+        record = self.part(part)
+        return sorted(group for group in record.tables if group) if record else []
 
     def dataset(self, times: Sequence[float], names: Sequence[str]) -> xr.Dataset:
-        """The video arrays, labelled, lazily, in physical units."""
-        import xarray as xr
+        """All of it for users: lazily, labelled, in physical units. See ``zsmoseg.stores.dataset``."""
+        from zsmoseg.stores.dataset import open_dataset
 
-        found = xr.open_zarr(self.data, consolidated=False, chunks=None)
-        for dim in {"frame", "pair"} & set(found.dims):
-            count = found.sizes[dim]
-            found = found.assign_coords(
-                {
-                    dim: np.arange(count),
-                    "time": (dim, np.asarray(times[:count]), {"units": "s"}),
-                    "name": (dim, np.asarray(names[:count], dtype=object)),
-                }
-            )
-        return found
+        return open_dataset(self, times, names)
 
     # ------------------------------------------------------------------ neighbours
     def siblings(self) -> list[Artifact]:
         """The artifacts of this stage and video with any settings, the one used last first."""
-        if not self.path.parent.is_dir():
-            return []
-        marks = [p / "artifact.json" for p in self.path.parent.iterdir()]
-        dated = [(m.stat().st_mtime_ns, m.parent) for m in marks if m.exists()]
+        folders = files.folders(self.path.parent)
+        marks = [(files.signature(folder / "artifact.json"), folder) for folder in folders]
+        dated = [(signature[0], folder) for signature, folder in marks if signature]
         return [Artifact(folder) for _, folder in sorted(dated, reverse=True)]
 
     def sibling(self) -> dict[str, Any] | None:
@@ -310,42 +407,13 @@ class Artifact:
         return next((a.description for a in self.siblings() if a.path != self.path and a.description), None)
 
 
-def _is_group(folder: Path) -> bool:
-    return (read_json(folder / "zarr.json") or {}).get("node_type") == "group"
-
-
-@lru_cache(maxsize=256)
-def _open_array(path: str) -> Any:
-    import zarr
-
-    return zarr.open_array(path, mode="r+")
-
-
-@lru_cache(maxsize=64)
-def _metadata(specs: tuple[ArraySpec, ...], length: int) -> dict[str, bytes]:
-    """The zarr.json of the group, of its ``parts`` and of every array, by relative path."""
-    import zarr
-    from zarr.storage import MemoryStore
-
-    memory = MemoryStore()
-    root = zarr.create_group(memory)
-    root.create_group("parts")
-    for spec in specs:
-        root.create_array(
-            spec.name,
-            shape=spec.shape,
-            chunks=spec.chunk(),
-            shards=(length, *spec.shape[1:]),
-            dtype=spec.dtype,
-            fill_value=spec.fill,
-            compressors=image_codecs(spec.kind),
-            dimension_names=spec.dims,
-            attributes=spec.attributes,
-        )
-    return {name: bytes(value.to_bytes()) for name, value in memory._store_dict.items()}
-
-
-def _crc32c(path: Path) -> int:
-    import google_crc32c
-
-    return int(google_crc32c.value(path.read_bytes()))
+def _check_cut(parts: Sequence[tuple[int, int]], video_arrays: Sequence[ArraySpec]) -> None:
+    if not parts or parts[0][0] != 0 or any(a[1] != b[0] for a, b in pairwise(parts)):
+        raise ValueError(f"parts {list(parts)} do not follow each other from frame 0 on")
+    length, last = parts[0][1], parts[-1]
+    regular = all(stop - start == length for start, stop in parts[:-1]) and 0 < last[1] - last[0] <= length
+    if video_arrays and not regular:
+        raise ValueError(f"parts {list(parts)} are not equally long: a part is a shard of every array")
+    for spec in video_arrays:
+        if spec.shape[0] != last[1] - (spec.dims[0] == "pair"):
+            raise ValueError(f"{spec.name}: {spec.shape[0]} rows do not fit {last[1]} frames")

@@ -9,17 +9,35 @@ from typing import Any
 
 
 def key(
-    schema: int,
+    schema_version: int,
     stage: str,
-    version: int,
+    stage_version: int,
     settings: Mapping[str, Any],
     inputs: Mapping[str, str],
     fingerprint: str,
 ) -> str:
     """20 hexadecimal digits of blake2b over canonical JSON.
 
-    ``settings`` are those that the stage reads and that act; ``inputs`` the keys of what it reads.
+    Parameters
+    ----------
+    schema_version
+        ``schema.FORMAT``.
+    stage, stage_version
+        What computes it; the version is raised by hand when values change with equal settings.
+    settings
+        Those that the stage reads and that act; JSON types. The order does not matter.
+    inputs
+        Keys of what it reads, by stage.
+    fingerprint
+        Of the source.
+
+    Raises
+    ------
+    ValueError
+        If a setting is NaN or infinite.
+    TypeError
+        If a setting is of no JSON type.
     """
-    content = [schema, stage, version, settings, inputs, fingerprint]
+    content = [schema_version, stage, stage_version, settings, inputs, fingerprint]
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.blake2b(text.encode(), digest_size=10).hexdigest()

@@ -1,17 +1,64 @@
-"""Where things are in a store: the one place that knows its folders."""
+"""Where things are in a store: the one place that knows its folders.
+
+    STORE/zsmoseg.json             format version
+    STORE/runs/                    records of runs
+    STORE/fingerprints/            fingerprints of sources that were read already
+    STORE/VIDEO/video.json         source, fingerprint, probe; VIDEO is <stem>-<16 digits of the fingerprint>
+    STORE/VIDEO/STAGE/KEY/         one artifact
+
+Standard library only.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import hashlib
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from zsmoseg.errors import SpaceError, StoreError
+from zsmoseg.errors import StoreError
+from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.stores.records import read_json, write_json
+from zsmoseg.stores.records import as_json, read_json, read_record, recall_record, write_json, write_record
 from zsmoseg.stores.schema import FORMAT
 
 MARK = "zsmoseg.json"
+_VIDEO = re.compile(r".+-[0-9a-f]{16}")
+
+
+@dataclass(frozen=True)
+class VideoFolder:
+    """What a store holds of one video."""
+
+    path: Path
+
+    @property
+    def id(self) -> str:
+        """Its name in the store."""
+        return self.path.name
+
+    @property
+    def description(self) -> dict[str, Any] | None:
+        """``source``, ``fingerprint`` and ``probe``; None where that is missing or damaged."""
+        return recall_record(self.path / "video.json")
+
+    def describe(self, source: str, fingerprint: str, probe: Mapping[str, Any] | None = None) -> None:
+        """Note where the video came from and what was found in it; writes only what is new or mends it."""
+        old = self.description or {}
+        content = as_json({"source": source, "fingerprint": fingerprint, "probe": probe or old.get("probe")})
+        if content != old:
+            write_record(self.path / "video.json", content)
+
+    def artifact(self, stage: str, key: str) -> Artifact:
+        """The artifact of a stage; it need not exist."""
+        return Artifact(self.path / stage / key)
+
+    def artifacts(self) -> Iterator[Artifact]:
+        """All of them."""
+        for stage in files.folders(self.path):
+            yield from map(Artifact, files.folders(stage))
 
 
 @dataclass(frozen=True)
@@ -22,75 +69,119 @@ class Store:
 
     @classmethod
     def open(cls, path: str | Path, create: bool) -> Store:
-        """Open a store; ``create``: make it where there is none, and mend its mark.
+        """Open a store.
+
+        Parameters
+        ----------
+        create
+            For writing: make it where there is none, mend its mark, clear what killed runs left.
 
         Raises
         ------
         StoreError
-            Not there, not a store, or written by a newer version.
+            Not there, not a store, written by a newer version, or not to be written.
         """
         store = cls(Path(path))
-        mark = read_json(store.path / MARK)
-        if mark is not None and "format" in mark:
-            if mark["format"] > FORMAT:
-                raise StoreError(
-                    f"{path}: is a store of format {mark['format']}, this zsmoseg reads up to {FORMAT}; "
-                    "use a newer zsmoseg, or another store (--store)"
-                )
-            return store
-        if store.path.exists() and not store._looks_like_one():
-            raise StoreError(f"{path}: is not a zsmoseg store and not empty; give another folder (--store)")
+        marked = store._check_mark()
+        if not marked and not store._looks_like_one():
+            raise StoreError(f"{path}: is not a store: it holds other things; give another folder (--store)")
         if not store.path.exists() and not create:
             raise StoreError(f"{path}: there is no store; zsmoseg run makes one, --store names another")
         if create:
-            try:
-                write_json(store.path / MARK, {"format": FORMAT})
-            except OSError as error:
-                raise SpaceError(f"{path}: cannot be written ({error.strerror})") from error
+            store._make(marked)
         return store
 
+    def _check_mark(self) -> bool:
+        """Whether the mark is there and whole."""
+        version = (read_json(self.path / MARK) or {}).get("format")
+        if not isinstance(version, int):
+            return False
+        if version > FORMAT:
+            raise StoreError(
+                f"{self.path}: is a store of format {version}, this zsmoseg reads up to format {FORMAT}; "
+                "use a newer zsmoseg, or another store (--store)"
+            )
+        return True
+
     def _looks_like_one(self) -> bool:
-        """Empty, or with runs or video folders: its mark was lost."""
+        """Nothing there, empty, or a store that lost its mark."""
+        if not self.path.exists():
+            return True
         if not self.path.is_dir():
             return False
-        entries = [p for p in self.path.iterdir() if p.name != MARK]
-        return not entries or (self.path / "runs").is_dir() or any((p / "video.json").exists() for p in entries)
+        inside = [path for path in self.path.iterdir() if path.name != MARK and path.suffix != ".tmp"]
+        runs = any(self.runs.glob("*.json"))
+        return not inside or runs or any((path / "video.json").exists() for path in inside)
 
-    def videos(self) -> Iterator[str]:
+    def _make(self, marked: bool) -> None:
+        try:
+            if not marked:
+                write_json(self.path / MARK, {"format": FORMAT})
+            for folder in (self.path, self.runs, self.path / "fingerprints"):
+                for leftover in files.leftovers(folder, everywhere=False):
+                    files.remove(leftover)
+        except OSError as error:
+            raise StoreError(
+                f"{self.path}: cannot be written ({error.strerror}); give another folder (--store)"
+            ) from error
+
+    @property
+    def runs(self) -> Path:
+        """Where the records of runs are."""
+        return self.path / "runs"
+
+    # ------------------------------------------------------------------ videos
+    def videos(self) -> list[str]:
         """The ids of the videos."""
-        if self.path.is_dir():
-            yield from sorted(p.name for p in self.path.iterdir() if p.is_dir() and p.name != "runs")
+        return [folder.name for folder in files.folders(self.path) if _VIDEO.fullmatch(folder.name)]
+
+    def video(self, video: str) -> VideoFolder:
+        """The folder of a video; it need not exist."""
+        return VideoFolder(self.path / video)
 
     def video_id(self, name: str, fingerprint: str) -> str:
         """The id of a video: that of the folder it has, whatever its name was then, else a new one."""
-        known = [video for video in self.videos() if video.endswith(f"-{fingerprint[:16]}")]
-        return known[0] if known else f"{name}-{fingerprint[:16]}"
+        end = f"-{fingerprint[:16]}"
+        if not _VIDEO.fullmatch(f"x{end}"):
+            raise ValueError(f"{fingerprint}: no fingerprint, it needs 16 hexadecimal digits")
+        new = re.sub(r"[^\w.-]+", "_", name).strip("._")[:80] or "video"
+        if (self.path / (new + end)).is_dir():
+            return new + end
+        return next((video for video in self.videos() if video.endswith(end)), new + end)
 
     def artifact(self, video: str, stage: str, key: str) -> Artifact:
         """The artifact of a stage of a video; it need not exist."""
-        return Artifact(self.path / video / stage / key)
+        return self.video(video).artifact(stage, key)
 
     def artifacts(self) -> Iterator[Artifact]:
         """All artifacts."""
         for video in self.videos():
-            for stage in sorted(p for p in (self.path / video).iterdir() if p.is_dir()):
-                yield from (Artifact(p) for p in sorted(stage.iterdir()) if p.is_dir())
+            yield from self.video(video).artifacts()
 
-    def describe_video(self, video: str, source: str, fingerprint: str) -> None:
-        """Note where a video came from."""
-        path, content = self.path / video / "video.json", {"source": source, "fingerprint": fingerprint}
-        if read_json(path) != content:
-            write_json(path, content)
+    def describe_video(
+        self, video: str, source: str, fingerprint: str, probe: Mapping[str, Any] | None = None
+    ) -> None:
+        """See ``VideoFolder.describe``."""
+        self.video(video).describe(source, fingerprint, probe)
 
+    # ------------------------------------------------------------------ fingerprints
     def fingerprint(self, source: str, method: str) -> str:
-        """The fingerprint of a source, looked up by path, size and time of change, else computed and kept."""
+        """The fingerprint of a source: the one known here if no file was touched since, else computed."""
         from zsmoseg.sources import fingerprint, stat_signature
 
-        path = self.path / "runs" / "fingerprints" / "cache.json"
-        signature = f"{method} {stat_signature(source)}"
-        cache = read_json(path) or {}
-        if signature not in cache:
-            cache[signature] = fingerprint(source, method)
-            if (self.path / MARK).exists():
-                write_json(path, cache)
-        return str(cache[signature])
+        return self.fingerprint_of(f"{method} {stat_signature(source)}", lambda: fingerprint(source, method))
+
+    def fingerprint_of(self, signature: str, compute: Callable[[], str]) -> str:
+        """What ``compute`` gives, kept under ``signature``: paths, sizes, times of change, inodes.
+
+        Damaged entries are computed again. Nothing is kept where no store was made yet (``--dry-run``).
+        """
+        name = hashlib.blake2b(signature.encode(), digest_size=10).hexdigest()
+        path = self.path / "fingerprints" / f"{name}.json"
+        known = read_record(path)
+        if known is not None:
+            return str(known["fingerprint"])
+        found = compute()
+        if (self.path / MARK).exists():
+            write_record(path, {"fingerprint": found})
+        return found

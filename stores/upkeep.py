@@ -2,77 +2,113 @@
 
 from __future__ import annotations
 
-import shutil
-import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from zsmoseg.errors import StoreError
+from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Damage
-from zsmoseg.stores.location import Store
-from zsmoseg.stores.records import list_runs
-
-STALE = 3600.0
-"""Seconds after which an unfinished file of a dead process is a leftover."""
+from zsmoseg.stores.location import MARK, Store
+from zsmoseg.stores.records import forget_run, read_json, read_record, read_run, run_ids, run_path
 
 
 @dataclass(frozen=True)
 class Garbage:
-    """What ``gc`` would remove."""
+    """What ``remove_garbage`` would remove: folders and files, and their bytes."""
 
     paths: list[Path]
     size: int
 
 
 def garbage(store: Store, forget: Sequence[str] = ()) -> Garbage:
-    """Artifacts that no run reaches once the runs ``forget`` are dropped, and leftovers.
+    """What no run reaches once the runs ``forget`` are dropped, and leftovers of killed processes.
+
+    Videos, artifacts, fingerprints of videos that are gone, and unfinished files older than an hour.
 
     Raises
     ------
     StoreError
-        If there is no such run.
+        If there is no such run, or the record of a run that stays is damaged: nobody knows what it reaches.
     """
-    runs = list_runs(store)
-    unknown = set(forget) - {run["id"] for run in runs}
+    reached = _reached(store, forget)
+    folders = list(_unreached(store, reached))
+    left = {video[-16:] for video in store.videos() if store.path / video not in folders}
+    stale = [
+        path
+        for path in sorted((store.path / "fingerprints").glob("*.json"))
+        if str((read_record(path) or {}).get("fingerprint"))[:16] not in left
+    ]
+    gone = set(folders)
+    unfinished = [path for path in files.leftovers(store.path) if gone.isdisjoint(path.parents)]
+    paths = [*folders, *stale, *unfinished]
+    return Garbage(paths, sum(files.size(path) or 0 for path in paths))
+
+
+gc = garbage
+
+
+def _reached(store: Store, forget: Sequence[str]) -> set[tuple[str, ...]]:
+    """(video,) and (video, stage, key) of all that the runs which stay reach."""
+    runs = run_ids(store)
+    unknown = set(forget) - set(runs)
     if unknown:
         raise StoreError(f"{store.path}: no run {', '.join(sorted(unknown))}; see zsmoseg runs")
-    reached = {
-        (video["video"], stage, key)
-        for run in runs
-        if run["id"] not in forget
-        for video in run["videos"].values()
-        for stage, key in video["keys"].items()
-    }
-    paths = [a.path for a in store.artifacts() if a.path.parts[-3:] not in reached]
-    inside = tuple(str(p) + "/" for p in paths)
-    old = time.time() - STALE
-    for pattern in ("*.partial", "*.tmp"):
-        paths += [
-            p
-            for p in sorted(store.path.rglob(pattern))
-            if p.is_file() and p.stat().st_mtime < old and not str(p).startswith(inside or "\0")
-        ]
-    return Garbage(paths, sum(_size(p) for p in paths))
+    reached: set[tuple[str, ...]] = set()
+    for run in runs:
+        if run in forget:
+            continue
+        record = read_run(store, run)
+        if record is None:
+            raise StoreError(
+                f"{run_path(store, run)}: is damaged; what it reaches is not known, so nothing is removed; "
+                f"drop it with zsmoseg gc --forget {run}"
+            )
+        for video in record["videos"].values():
+            reached.add((video["video"],))
+            reached |= {(video["video"], stage, key) for stage, key in video["keys"].items()}
+    return reached
+
+
+def _unreached(store: Store, reached: set[tuple[str, ...]]) -> Iterator[Path]:
+    for video in store.videos():
+        if (video,) not in reached:
+            yield store.path / video
+            continue
+        for artifact in store.video(video).artifacts():
+            if artifact.path.relative_to(store.path).parts not in reached:
+                yield artifact.path
 
 
 def remove_garbage(store: Store, found: Garbage, forget: Sequence[str] = ()) -> None:
-    """Drop the runs ``forget``, then remove ``found``."""
+    """Drop the runs ``forget``, then remove ``found``: a crash leaves garbage, never a run without data."""
     for run in forget:
-        (store.path / "runs" / f"{run}.json").unlink(missing_ok=True)
+        forget_run(store, run)
     for path in found.paths:
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
+        files.remove(path)
 
 
-def verify(store: Store) -> list[Damage]:
-    """Every file of every artifact that is missing, of another size or of other content."""
-    return [damage for artifact in store.artifacts() for damage in artifact.check()]
+def verify(store: Store, deep: bool = True) -> list[Damage]:
+    """Every file that is missing, of another size or, with ``deep``, of other content than was written."""
+    found = []
+    if not isinstance((read_json(store.path / MARK) or {}).get("format"), int):
+        found.append(Damage(store.path / MARK, None, "is missing or damaged"))
+    for run in run_ids(store):
+        if read_run(store, run) is None:
+            found.append(Damage(run_path(store, run), None, "is damaged"))
+    for video in map(store.video, store.videos()):
+        if video.description is None:
+            found.append(Damage(video.path / "video.json", None, "is missing or damaged"))
+        for artifact in video.artifacts():
+            found += artifact.check(deep)
+    return found
 
 
-def _size(path: Path) -> int:
-    if path.is_file():
-        return path.stat().st_size
-    return sum(p.stat().st_size for p in path.rglob("*") if p.is_file())
+def take_back(store: Store, deep: bool = True) -> list[Damage]:
+    """As ``verify``; the next run redoes the parts that are damaged, and mends the rest by itself."""
+    found = verify(store, deep)
+    for damage in found:
+        if damage.part is not None:
+            video, stage, key = damage.path.relative_to(store.path).parts[:3]
+            store.artifact(video, stage, key).invalidate([damage.part])
+    return found

@@ -1,0 +1,127 @@
+"""The file system, as far as stores use it: the one place to teach another kind of storage.
+
+Standard library only.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import time
+import uuid
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from zsmoseg.errors import SpaceError
+
+STALE = 3600.0
+"""Seconds after which an unfinished file is a leftover of a process that is gone."""
+
+
+def read(path: Path) -> bytes | None:
+    """Content of a file; None where it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None
+
+
+def size(path: Path) -> int | None:
+    """Size of a file in bytes, or of all files below a folder; None where there is nothing."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    if not path.is_dir():
+        return found.st_size
+    return sum(size(inside) or 0 for inside in path.iterdir())
+
+
+def crc32(content: bytes) -> int:
+    """Checksum of a file for its record.
+
+    Not CRC-32C: Zarr ends every chunk with that of the chunk, and the CRC-32C of such a file depends on the
+    lengths of its chunks only, so another file of the same lengths would pass.
+    """
+    return zlib.crc32(content)
+
+
+def signature(path: Path) -> tuple[int, int, int] | None:
+    """What changes when a file is written again; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino
+
+
+def folders(path: Path) -> list[Path]:
+    """The folders in a folder, in order of their names; none where there is no folder."""
+    return sorted(inside for inside in path.iterdir() if inside.is_dir()) if path.is_dir() else []
+
+
+def write(path: Path, content: bytes) -> None:
+    """Write a file, and its folders. For files that count for nothing before a record names them."""
+    try:
+        path.write_bytes(content)
+    except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+
+
+def write_whole(path: Path, content: bytes, sync: bool = False) -> None:
+    """Write a file that appears whole or not at all; ``sync``: on the disk before its name appears.
+
+    Raises
+    ------
+    SpaceError
+        If the disk is full.
+    """
+    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+    with full_disk_in_words(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with partial.open("wb") as file:
+                file.write(content)
+                if sync:
+                    file.flush()
+                    os.fsync(file.fileno())
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder with all that is in it, if it is there."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def leftovers(path: Path, everywhere: bool = True) -> list[Path]:
+    """Unfinished files in a folder (and below it: ``everywhere``) that are old enough to be nobody's."""
+    oldest = time.time() - STALE
+    walk = path.rglob if everywhere else path.glob
+    found = [file for end in ("partial", "tmp") for file in walk(f"*.{end}")]
+    old = [file for file in found if (seen := signature(file)) and seen[0] / 1e9 < oldest]
+    return sorted(file for file in old if file.is_file())
+
+
+@contextmanager
+def full_disk_in_words(path: Path) -> Iterator[None]:
+    """Turn "no space left" into a ``SpaceError`` that names ``path`` and the space that is left."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        place = next(p for p in (path.absolute(), *path.absolute().parents) if p.exists())
+        free = shutil.disk_usage(place).free / 1e6
+        raise SpaceError(
+            f"{path}: no space left on the disk ({free:.1f} MB free); free some, or give a store on another "
+            "disk (--store), and run the same command again"
+        ) from error
