@@ -25,6 +25,7 @@ class Output:
         listed = read_json(self.path / LIST) or {}
         self.owner: str | None = listed.get("video")
         self.files: dict[str, dict[str, Any]] = dict(listed.get("files", {}))
+        self.stages: dict[str, dict[str, Any]] = dict(listed.get("stages", {}))
 
     def refuse_foreign(self) -> None:
         """Raise ``OutputError`` if the folder is not ours to write in."""
@@ -58,9 +59,10 @@ class Output:
                 return f"{name} was changed"
         return None
 
-    def claim(self) -> None:
-        """Make the folder and put our name on it, before the first file."""
+    def claim(self, stages: Mapping[str, Mapping[str, Any]]) -> None:
+        """Make the folder, put our name on it and what the ``stages`` are about to leave, before the first file."""
         self.path.mkdir(parents=True, exist_ok=True)
+        self.stages.update({name: dict(about) for name, about in stages.items()})
         self._write()
 
     def add(self, sizes: Mapping[str, int], key: str) -> None:
@@ -77,4 +79,4 @@ class Output:
         self._write()
 
     def _write(self) -> None:
-        write_json(self.path / LIST, {"video": self.video, "files": self.files})
+        write_json(self.path / LIST, {"video": self.video, "files": self.files, "stages": self.stages})

@@ -173,7 +173,7 @@ def test_a_folder_that_is_not_a_store(done: Path, tmp_path: Path, capsys: pytest
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("dear")
     arguments = ["run", str(done / "disc"), "-o", str(tmp_path / "out"), "--store", str(tmp_path / "mine")]
-    assert "is not a zsmoseg store" in refused(arguments, capsys)
+    assert "is not a store" in refused(arguments, capsys)
     assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
     assert "there is no store" in refused(["status", "--store", str(tmp_path / "none")], capsys)
 
@@ -230,7 +230,7 @@ def test_one_bad_video_does_not_stop_the_others(tmp_path: Path, capsys: pytest.C
 def test_a_full_disk_is_said_and_the_next_run_goes_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from zsmoseg.stores import artifact
+    from zsmoseg.stores import files
 
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -238,7 +238,7 @@ def test_a_full_disk_is_said_and_the_next_run_goes_on(
     clip = write_folder(tmp_path / "disc", draw_clip(0, 5)[0])
     arguments = ["run", str(clip), "-o", str(tmp_path / "out"), *QUICK]
     with monkeypatch.context() as patch:
-        patch.setattr(artifact, "_crc32c", full)
+        patch.setattr(files, "write", full)
         code, _, err = say(arguments, capsys)
     assert code == 2
     assert "no space left on the disk" in err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,8 @@ def activation(name: str) -> dict[str, Any]:
 def base(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     root = tmp_path_factory.mktemp("settings")
     clip = write_folder(root / "disc", draw_clip(3, 9)[0])
-    return clip, root
+    segment(clip, root / "run")
+    return clip, root / "run"
 
 
 def leaves(root: Path, keys: dict[str, str]) -> dict[str, dict[str, bytes]]:
@@ -89,8 +91,9 @@ def leaves(root: Path, keys: dict[str, str]) -> dict[str, dict[str, bytes]]:
 def test_a_setting_recomputes_its_stages_and_changes_something(
     name: str, base: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    clip, root = base
-    start = activation(name)
+    root = tmp_path / "copy"
+    shutil.copytree(base[1], root)
+    clip, start = base[0], activation(name)
     before, _ = segment(clip, root, start)
     value = other_value(name, tmp_path)
     changed = {**start, name: value}
@@ -100,7 +103,6 @@ def test_a_setting_recomputes_its_stages_and_changes_something(
         )
     )
     assert name in lines
-    assert f"{before.plans[0].stages['frames'].settings}" not in lines
     readers = [s.name for s in STAGES.values() if name.split(".")[0] in s.sections]
     expected = set().union(*(_following(reader) for reader in readers))
     after, counter = segment(clip, root, changed)

@@ -38,6 +38,17 @@ class StagePlan:
         return SimpleNamespace(**{name: getattr(full, name) for name in self.settings})
 
     @property
+    def description(self) -> dict[str, Any]:
+        """What is written beside the result, so that a later plan can say what changed."""
+        return {
+            "stage": self.stage.name,
+            "version": self.stage.version,
+            "key": self.key,
+            "settings": self.settings,
+            "inputs": self.inputs,
+        }
+
+    @property
     def frames_todo(self) -> int:
         """Frames of the parts to do."""
         return sum(self.parts[i][1] - self.parts[i][0] for i in self.todo)
@@ -176,7 +187,7 @@ def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None
         return
     if again:
         stage.reason = f"asked for (--from {start_from})"
-    elif stage.artifact is not None and stage.artifact.description is None:
+    elif not _begun(plan, stage):
         stage.reason = _what_changed(plan, stage)
     elif problems:
         first = next(iter(problems.values()))
@@ -189,15 +200,23 @@ def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None
 def _problem(plan: VideoPlan, stage: StagePlan, part: int) -> str | None:
     if stage.artifact is not None:
         return stage.artifact.part_problem(part)
+    if not _begun(plan, stage):
+        return "not written yet"
     start, stop = stage.parts[part]
     assert stage.stage.files is not None
     return plan.output.problem(stage.stage.files(plan.probe, start, stop, stage.sections()), stage.key)
 
 
+def _begun(plan: VideoPlan, stage: StagePlan) -> bool:
+    """Whether something was laid out for just this key."""
+    if stage.artifact is not None:
+        return stage.artifact.description is not None
+    return plan.output.stages.get(stage.stage.name, {}).get("key") == stage.key
+
+
 def _what_changed(plan: VideoPlan, stage: StagePlan) -> str:
-    """Against the artifact of this stage that was used last."""
-    assert stage.artifact is not None
-    old = stage.artifact.sibling()
+    """Against what this stage left last."""
+    old = plan.output.stages.get(stage.stage.name) if stage.artifact is None else stage.artifact.sibling()
     if old is None:
         return "not computed yet"
     words = differences(old.get("settings", {}), stage.settings)

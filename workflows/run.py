@@ -179,21 +179,14 @@ def prepare(store: Store, plan: VideoPlan) -> None:
     for stage in plan.stages.values():
         if stage.artifact is None:
             continue
-        sections = stage.sections()
-        description = {
-            "stage": stage.stage.name,
-            "version": stage.stage.version,
-            "key": stage.key,
-            "settings": stage.settings,
-            "inputs": stage.inputs,
-            "fingerprint": plan.fingerprint,
-        }
+        description = {**stage.description, "fingerprint": plan.fingerprint}
         if stage.stage.name == "frames":
             description["probe"] = plan.probe.to_json()
-        stage.artifact.begin(description, stage.parts, stage.stage.arrays(plan.probe, sections))
+        stage.artifact.begin(description, stage.parts, stage.stage.arrays(plan.probe, stage.sections()))
         stage.artifact.invalidate(stage.todo)
-    if any(stage.todo for stage in plan.stages.values() if stage.stage.output):
-        plan.output.claim()
+    outputs = {name: stage.description for name, stage in plan.stages.items() if stage.stage.output and stage.todo}
+    if outputs:
+        plan.output.claim(outputs)
 
 
 def _drive(

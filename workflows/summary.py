@@ -19,7 +19,7 @@ def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     """Describe a finished video in its output folder, and clear the folder of what an older run left there."""
     summary = summarise(plan, settings)
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
-    plan.output.claim()
+    plan.output.claim({})
     size = write_bytes(plan.output.path / NAME, text.encode())
     plan.output.add({NAME: size}, plan.stages["groups"].key)
     plan.output.remove_others([*plan.files, NAME])

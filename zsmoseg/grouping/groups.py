@@ -71,6 +71,7 @@ def group_shot(
     thing = connected(group, near.distance <= 1, support)
     threshold = decision.threshold if s.rule == "calibrated" and s.count == "auto" else np.inf
     moving, margin = motion_state(decision.evidence.pairs, len(pieces.area), group, threshold, s)
+    moving &= pieces.area > 0
     return ShotGroups(group, thing, moving, margin, decision, eigenvalues, warnings)
 
 
