@@ -92,7 +92,7 @@ def codecs(kind: str) -> tuple[Any, ...]:
     """Compressors of a video array, the checksum last, so that it covers what is on disk.
 
     LZ4 for images and flow: half the time of zstd 1 for 14 % (images) and 28 % (flow) more bytes. Zstd for
-    labels: half of the bytes of LZ4 for a third more time (``benchmarks/store_speed.py``).
+    labels: half of the bytes of LZ4 for a third more time. (Frames and flow of three DAVIS sequences.)
     """
     from zarr.codecs import BloscCodec, Crc32cCodec, ZstdCodec
 

@@ -1,7 +1,7 @@
 """One table as a Zarr v3 array of one chunk: bytes from arrays and back, without importing Zarr.
 
-A part has dozens of small tables, and Zarr's own way takes several times as long
-(``benchmarks/store_speed.py``). What is written is plain Zarr v3; the tests read it with Zarr.
+A part has dozens of small tables, and Zarr's own way takes several times as long for each. What is written
+is plain Zarr v3; the tests read it with Zarr.
 """
 
 from __future__ import annotations
@@ -20,6 +20,11 @@ blosc.use_threads = False
 _COMPRESSOR = blosc.Blosc(cname="zstd", clevel=1, shuffle=blosc.SHUFFLE)
 GROUP = b'{"attributes":{},"node_type":"group","zarr_format":3}'
 """The ``zarr.json`` of a group."""
+
+
+def chunk_name(dimensions: int) -> str:
+    """What the file of the one chunk is called: beside its ``zarr.json``, as folders cost more than files."""
+    return "c" + ".0" * dimensions
 
 
 def pack(values: Array, dims: Sequence[str]) -> tuple[bytes, bytes | None]:
@@ -83,7 +88,7 @@ def _metadata(values: Array, dims: Sequence[str]) -> dict[str, Any]:
         "shape": list(values.shape),
         "data_type": values.dtype.name,
         "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": chunk}},
-        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
         "fill_value": {"b": False, "f": 0.0}.get(values.dtype.kind, 0),
         "codecs": [
             {"name": "bytes", "configuration": {"endian": "little"}},

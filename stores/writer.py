@@ -15,7 +15,7 @@ from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact, PartRecord
 from zsmoseg.stores.fixedpoint import encode
 from zsmoseg.stores.records import write_record
-from zsmoseg.stores.tables import GROUP, pack
+from zsmoseg.stores.tables import GROUP, chunk_name, pack
 
 Array = np.ndarray[Any, Any]
 
@@ -164,7 +164,7 @@ class PartWriter:
             raise ValueError(f"{group}/{name}: no name for a table, or that of a group")
         place = self.artifact.table_folder(self.part) / group / name
         self._write(place / "zarr.json", metadata)
-        content = place.joinpath("c", *["0"] * ndim)
+        content = place / chunk_name(ndim)
         if chunk is not None:
             self._write(content, chunk)
         self._tables.setdefault(group, {})[name] = None if chunk is None else self._relative(content)
