@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from zsmoseg.errors import StoreError
-from zsmoseg.stores import files
+from zsmoseg.stores import checks, files
+from zsmoseg.stores.checks import Damage
 from zsmoseg.stores.records import as_json, checksum, recall_record, write_record
 from zsmoseg.stores.schema import TABLES, ArraySpec, layout
 
@@ -69,15 +70,6 @@ class PartRecord:
 
 
 @dataclass(frozen=True)
-class Damage:
-    """A file that is not as its record says; ``part`` where it belongs to one part of an artifact."""
-
-    path: Path
-    part: int | None
-    what: str
-
-
-@dataclass(frozen=True)
 class Artifact:
     """The artifact in the folder ``path`` = ``STORE/VIDEO/STAGE/KEY``; it need not exist yet."""
 
@@ -90,24 +82,25 @@ class Artifact:
         return self.path / "data.zarr"
 
     @property
-    def _described(self) -> dict[str, Any]:
+    def laid_out(self) -> dict[str, Any]:
+        """All of ``artifact.json``, empty where there is nothing or it is damaged; not to be changed."""
         return recall_record(self.path / "artifact.json") or {}
 
     @property
     def description(self) -> dict[str, Any] | None:
         """What ``begin`` was told, and ``parts``; None where there is nothing, or it is damaged."""
-        told = {name: value for name, value in self._described.items() if name not in ("arrays", "layout")}
+        told = {name: value for name, value in self.laid_out.items() if name not in ("arrays", "layout")}
         return told or None
 
     @property
     def parts(self) -> list[tuple[int, int]]:
         """The frames (start, stop) of each part; empty where there is no description."""
-        return [(start, stop) for start, stop in self._described.get("parts", [])]
+        return [(start, stop) for start, stop in self.laid_out.get("parts", [])]
 
     @property
     def arrays(self) -> dict[str, dict[str, Any]]:
         """The video arrays by name: the fields of their ``ArraySpec``."""
-        return dict(self._described.get("arrays", {}))
+        return dict(self.laid_out.get("arrays", {}))
 
     @property
     def done(self) -> dict[str, Any] | None:
@@ -124,7 +117,7 @@ class Artifact:
 
     def shard(self, name: str, part: int) -> Path:
         """The file that holds a part of a video array."""
-        dimensions = len(self._described["arrays"][name]["dims"])
+        dimensions = len(self.laid_out["arrays"][name]["dims"])
         return self.data.joinpath(name, "c", str(part), *["0"] * (dimensions - 1))
 
     def part(self, part: int) -> PartRecord | None:
@@ -163,7 +156,7 @@ class Artifact:
         _check_cut(parts, video_arrays)
         arrays = {spec.name: spec.to_json() for spec in video_arrays}
         content = as_json({**description, "parts": parts, "arrays": arrays})
-        old = self._described
+        old = self.laid_out
         if old and old["arrays"] == content["arrays"] and old["parts"][-1][1] == content["parts"][-1][1]:
             content |= {"parts": old["parts"], "layout": old["layout"]}
         else:
@@ -174,7 +167,7 @@ class Artifact:
         if content != old:
             write_record(self.path / "artifact.json", content)
         os.utime(self.path / "artifact.json")
-        for path, text in self._metadata():
+        for path, text in self.metadata():
             if files.read(path) != text:
                 files.write_whole(path, text)
         if self.done is None:
@@ -187,9 +180,9 @@ class Artifact:
         records = [(i, record) for i in known if (record := self.part(i))]
         return any(i >= len(parts) or (record.start, record.stop) != tuple(parts[i]) for i, record in records)
 
-    def _metadata(self) -> Iterator[tuple[Path, bytes]]:
-        """The metadata of the Zarr group that no part owns, as it has to be."""
-        for name, content in self._described.get("layout", {}).items():
+    def metadata(self) -> Iterator[tuple[Path, bytes]]:
+        """The metadata files of the Zarr group that no part owns, and what they have to hold."""
+        for name, content in self.laid_out.get("layout", {}).items():
             yield self.data / name, json.dumps(content, indent=2).encode()
 
     def invalidate(self, parts: Iterable[int]) -> None:
@@ -223,69 +216,14 @@ class Artifact:
     # ------------------------------------------------------------------ whether all is well
     def part_problem(self, part: int) -> str | None:
         """Why a part is not usable, by its record and the sizes of its files; None where it is."""
-        record = self.part(part)
-        if record is None:
-            missing = files.size(self.record_path(part)) is None
-            return "not computed yet" if missing else "its record is damaged"
-        if self.parts[part : part + 1] != [(record.start, record.stop)]:
-            return "the video was cut in another way"
-        wrong = self.wrong_sizes(part, record.files)
-        return f"{wrong[0].path.relative_to(self.path)} {wrong[0].what}" if wrong else None
+        return checks.part_problem(self, part)
 
     part_ok = part_problem
     """The same: None is good."""
 
-    def wrong_sizes(self, part: int, names: Iterable[str]) -> list[Damage]:
-        """Which of the files ``names`` of a part have not the size that its record says."""
-        record, found = self.part(part), []
-        for name in names:
-            expected = record.files[name]["size"] if record and name in record.files else None
-            actual = files.size(self.path / name)
-            if expected is None:
-                found.append(Damage(self.path / name, part, "is in no record"))
-            elif actual is None:
-                found.append(Damage(self.path / name, part, "is missing"))
-            elif actual != expected:
-                found.append(Damage(self.path / name, part, f"has {actual} bytes instead of {expected}"))
-        return found
-
     def check(self, deep: bool = False) -> list[Damage]:
         """What is damaged: by sizes, or by content too (``deep``). Parts not computed yet are no damage."""
-        if not self._described:
-            return [Damage(self.path / "artifact.json", None, "is missing or damaged")]
-        found = [
-            Damage(path, None, "is missing" if files.size(path) is None else "is damaged")
-            for path, text in self._metadata()
-            if files.read(path) != text
-        ]
-        done = self.done
-        if done is None and files.size(self.path / "done.json") is not None:
-            found.append(Damage(self.path / "done.json", None, "is damaged"))
-        for part in range(len(self.parts)):
-            found += self._check_part(part, done, deep)
-        return found
-
-    def _check_part(self, part: int, done: Mapping[str, Any] | None, deep: bool) -> list[Damage]:
-        path = self.record_path(part)
-        record = recall_record(path)
-        if record is None:
-            exists = files.size(path) is not None
-            missing = [Damage(path, part, "is damaged" if exists else "is missing")]
-            return missing if exists or done is not None else []
-        if done is not None and done["records"][part : part + 1] != [checksum(record)]:
-            return [Damage(path, part, "is another one than when the artifact was sealed")]
-        wrong = self.wrong_sizes(part, record["files"])
-        healthy = set(record["files"]) - {damage.path.relative_to(self.path).as_posix() for damage in wrong}
-        return wrong + (self.wrong_content(part, sorted(healthy)) if deep else [])
-
-    def wrong_content(self, part: int, names: Iterable[str]) -> list[Damage]:
-        """Which of the files ``names`` of a part have another checksum than its record says."""
-        record, found = self.part(part), []
-        for name in names:
-            content = files.read(self.path / name)
-            if record is None or content is None or files.crc32(content) != record.files[name]["crc32"]:
-                found.append(Damage(self.path / name, part, "has other content than was written"))
-        return found
+        return checks.check(self, deep)
 
     # ------------------------------------------------------------------ writing
     def writer(self, part: int) -> PartWriter:
@@ -350,7 +288,7 @@ class Artifact:
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of a video array."""
-        return tuple(self._described["arrays"][name]["shape"])
+        return tuple(self.laid_out["arrays"][name]["shape"])
 
     def read(self, name: str, start: int, stop: int, raw: bool = False) -> Array:
         """Frames (or pairs) ``start`` to ``stop - 1`` of a video array.

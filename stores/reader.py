@@ -10,6 +10,7 @@ import numpy as np
 
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
+from zsmoseg.stores.checks import wrong_content, wrong_sizes
 from zsmoseg.stores.fixedpoint import decode
 from zsmoseg.stores.schema import load_zarr
 
@@ -66,14 +67,14 @@ def _refuse_wrong_shard(artifact: Artifact, name: str, part: int) -> None:
     if artifact.part(part) is None:
         raise StoreError(f"{artifact.record_path(part)}: {where}: {artifact.part_problem(part)}; {AGAIN}")
     shard = artifact.shard(name, part)
-    for damage in artifact.wrong_sizes(part, [shard.relative_to(artifact.path).as_posix()]):
+    for damage in wrong_sizes(artifact, part, [shard.relative_to(artifact.path).as_posix()]):
         raise StoreError(f"{damage.path}: {where}: {damage.what}; {AGAIN}")
 
 
 def _name_the_culprit(artifact: Artifact, name: str, parts: list[int]) -> None:
     """Take back the parts whose shard was changed after it was written, so that the next run redoes them."""
     shards = {part: [artifact.shard(name, part).relative_to(artifact.path).as_posix()] for part in parts}
-    changed = [damage for part, names in shards.items() for damage in artifact.wrong_content(part, names)]
+    changed = [damage for part, names in shards.items() for damage in wrong_content(artifact, part, names)]
     _take_back(artifact, [damage.part for damage in changed if damage.part is not None])
     for damage in changed:
         raise StoreError(f"{damage.path}: {damage.what}; {AGAIN}")
@@ -115,7 +116,7 @@ def _content(artifact: Artifact, part: int, record: PartRecord, name: str) -> by
     content = files.read(artifact.path / name)
     if content is not None and files.crc32(content) == record.files[name]["crc32"]:
         return content
-    wrong = artifact.wrong_sizes(part, [name]) or artifact.wrong_content(part, [name])
+    wrong = wrong_sizes(artifact, part, [name]) or wrong_content(artifact, part, [name])
     _take_back(artifact, [part])
     what = wrong[0].what if wrong else "could not be read"
     raise StoreError(f"{artifact.path / name}: {what}; {AGAIN}")

@@ -98,7 +98,7 @@ def recall_record(path: Path) -> dict[str, Any] | None:
     return _parsed(path, signature) if signature else None
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
 def _parsed(path: Path, signature: tuple[int, int, int]) -> dict[str, Any] | None:
     return read_record(path)
 

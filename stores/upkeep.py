@@ -8,7 +8,7 @@ from pathlib import Path
 
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
-from zsmoseg.stores.artifact import Damage
+from zsmoseg.stores.checks import Damage
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.records import forget_run, read_json, read_record, read_run, run_ids, run_path
 

@@ -158,6 +158,19 @@ def test_a_shard_that_was_damaged_can_be_written_again(harm: Harm, store: Store)
     assert shard.read_bytes() == healthy
 
 
+def test_what_a_killed_writer_left_is_gone_when_the_part_is_written_again(store: Store) -> None:
+    artifact = make_artifact(store)
+    healthy = data_files(artifact)
+    artifact.invalidate([1])
+    shard = artifact.shard("frame", 1)
+    shard.with_name("0.0123456789abcdef.partial").write_bytes(b"half")
+    truncate(shard)
+    (artifact.table_folder(1) / "half").mkdir()
+    (artifact.table_folder(1) / "half" / "zarr.json").write_bytes(b"{")
+    write_part(artifact, 1, content(10))
+    assert data_files(artifact) == healthy
+
+
 def test_invalidating_takes_back_that_all_is_done_before_the_parts(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
