@@ -46,7 +46,10 @@ def main() -> None:
     subsets = {"mean": list(rows), "mean without " + " ".join(PAIR): [n for n in rows if n not in PAIR]}
     for title, names in subsets.items():
         means = np.mean([rows[n][:4] for n in names], axis=0)
-        print(f"{title} ({len(names)}): " + " ".join(f"{k} {v:.1f}" for k, v in zip(("J", "Pu", "Ru", "Fu"), means, strict=True)))
+        print(
+            f"{title} ({len(names)}): "
+            + " ".join(f"{k} {v:.1f}" for k, v in zip(("J", "Pu", "Ru", "Fu"), means, strict=True))
+        )
     two = sum(row[4] == 2 for row in rows.values())
     print(f"two groups (static and one moving): {two} of {len(rows)}")
 

@@ -23,7 +23,17 @@ def main() -> None:
         assert {t for t in tops if not t.endswith(".dist-info")} == {"zsmoseg"}, tops
         site = Path(folder) / "site"
         subprocess.run(
-            [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(wheel)],
+            [
+                sys.executable,
+                "-m",
+                "pip",
+                "install",
+                "--quiet",
+                "--no-deps",
+                "--target",
+                str(site),
+                str(wheel),
+            ],
             check=True,
         )
         script = (

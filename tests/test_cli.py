@@ -77,7 +77,9 @@ def test_status_runs_explain_and_verify_tell_what_is_there(
     assert say(["verify", *store], capsys)[0] == 0
 
 
-def test_verify_finds_a_flipped_byte_and_exits_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_finds_a_flipped_byte_and_exits_with_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     clip = write_folder(tmp_path / "disc", draw_clip(0, 5)[0])
     main(["run", str(clip), "-o", str(tmp_path / "out"), *QUICK])
     shard = next((tmp_path / "zsmoseg-store").rglob("forward/c/0/0/0/0"))
@@ -90,7 +92,9 @@ def test_verify_finds_a_flipped_byte_and_exits_with_1(tmp_path: Path, capsys: py
     assert "has other content than was written" in out
 
 
-def test_gc_removes_what_no_remembered_run_reaches(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_gc_removes_what_no_remembered_run_reaches(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     clip = write_folder(tmp_path / "disc", draw_clip(0, 5)[0])
     store = ["--store", str(tmp_path / "zsmoseg-store")]
     main(["run", str(clip), "-o", str(tmp_path / "out"), *QUICK, "--set", "flow.stride=5"])
@@ -153,9 +157,13 @@ def test_all_wrong_settings_are_named_at_once(done: Path, capsys: pytest.Capture
         assert part in line
 
 
-def test_an_unknown_preset_stage_or_config(done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_preset_stage_or_config(
+    done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     clip = str(done / "disc")
-    assert "preset 'best' is unknown; there are default, paper-core" in refused(["run", clip, "--preset", "best"], capsys)
+    assert "preset 'best' is unknown; there are default, paper-core" in refused(
+        ["run", clip, "--preset", "best"], capsys
+    )
     out = ["-o", str(tmp_path / "out")]
     assert "--from dreams: no such stage" in refused(["run", clip, *out, "--from", "dreams"], capsys)
     assert "cannot be read" in refused(["run", clip, "--config", str(tmp_path / "no.toml")], capsys)
@@ -165,7 +173,15 @@ def test_an_unknown_preset_stage_or_config(done: Path, tmp_path: Path, capsys: p
 
 def test_settings_from_toml_are_used(done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "s.toml").write_text("[flow]\nstride = 6\n")
-    arguments = ["run", str(done / "disc"), "-o", str(done / "out"), "--config", str(tmp_path / "s.toml"), "--dry-run"]
+    arguments = [
+        "run",
+        str(done / "disc"),
+        "-o",
+        str(done / "out"),
+        "--config",
+        str(tmp_path / "s.toml"),
+        "--dry-run",
+    ]
     assert "setting flow.stride: 4 -> 6" in say(arguments, capsys)[1]
 
 
@@ -185,7 +201,9 @@ def test_a_store_of_a_newer_version(done: Path, tmp_path: Path, capsys: pytest.C
     assert "is a store of format 99" in refused(arguments, capsys)
 
 
-def test_an_output_folder_of_somebody_else(done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_output_folder_of_somebody_else(
+    done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "out" / "disc").mkdir(parents=True)
     (tmp_path / "out" / "disc" / "holiday.png").write_bytes(b"x")
     line = refused(["run", str(done / "disc"), "-o", str(tmp_path / "out"), *QUICK], capsys)
@@ -193,7 +211,9 @@ def test_an_output_folder_of_somebody_else(done: Path, tmp_path: Path, capsys: p
     assert (tmp_path / "out" / "disc" / "holiday.png").read_bytes() == b"x"
 
 
-def test_an_output_folder_of_another_source(done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_output_folder_of_another_source(
+    done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     other = write_folder(tmp_path / "disc", draw_clip(5, 4)[0])
     before = (done / "out" / "disc" / "masks" / "00000.png").read_bytes()
     line = refused(["run", str(other), "-o", str(done / "out"), *QUICK], capsys)
@@ -208,7 +228,9 @@ def test_two_sources_with_one_name(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "have one name" in line
 
 
-def test_a_bad_image_in_the_middle_is_named_with_its_frame(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bad_image_in_the_middle_is_named_with_its_frame(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     clip = write_folder(tmp_path / "disc", draw_clip(0, 6)[0])
     whole = (clip / "00003.png").read_bytes()
     (clip / "00003.png").write_bytes(whole[: len(whole) // 2])
@@ -258,14 +280,18 @@ def test_too_small_a_disk_is_refused_before_the_first_task(
 
 
 # ------------------------------------------------------------------ defined results
-def warned(root: Path, images: np.ndarray, capsys: pytest.CaptureFixture[str], *more: str) -> tuple[dict, str]:
+def warned(
+    root: Path, images: np.ndarray, capsys: pytest.CaptureFixture[str], *more: str
+) -> tuple[dict, str]:
     clip = write_folder(root / "clip", images)
     code, _, err = say(["run", str(clip), "-o", str(root / "out"), *QUICK, *more], capsys)
     assert code == 0, err
     return json.loads((root / "out" / "clip" / "summary.json").read_text()), err
 
 
-def test_a_still_picture_has_one_group_and_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_still_picture_has_one_group_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     still = np.repeat(draw_clip(0, 1)[0], 6, axis=0)
     summary, err = warned(tmp_path, still, capsys)
     assert summary["groups"] == 1

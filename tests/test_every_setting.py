@@ -99,7 +99,9 @@ def test_a_setting_recomputes_its_stages_and_changes_something(
     changed = {**start, name: value}
     lines = "\n".join(
         dry_run(
-            Request([str(clip)], root / "out", root / "store", resolve(overrides={"chunk.length": 4, **changed}))
+            Request(
+                [str(clip)], root / "out", root / "store", resolve(overrides={"chunk.length": 4, **changed})
+            )
         )
     )
     assert name in lines

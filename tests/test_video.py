@@ -65,8 +65,12 @@ def encode(
 VARIABLE = list(np.cumsum([40 + 30 * (n % 3) for n in range(COUNT)]))
 CLIPS: dict[str, Callable[[Path], Path]] = {
     "b-frames.mp4": lambda p: encode(p, "libx264", {"bf": "3", "g": "12"}),
-    "open-gop.mp4": lambda p: encode(p, "libx264", {"x264-params": "open-gop=1:keyint=10:bframes=4:b-adapt=0"}),
-    "open-gop.mkv": lambda p: encode(p, "libx264", {"x264-params": "open-gop=1:keyint=10:bframes=4:b-adapt=0"}),
+    "open-gop.mp4": lambda p: encode(
+        p, "libx264", {"x264-params": "open-gop=1:keyint=10:bframes=4:b-adapt=0"}
+    ),
+    "open-gop.mkv": lambda p: encode(
+        p, "libx264", {"x264-params": "open-gop=1:keyint=10:bframes=4:b-adapt=0"}
+    ),
     "variable-rate.mp4": lambda p: encode(p, "libx264", {"bf": "2", "g": "15"}, times=VARIABLE),
     "odd-size.mp4": lambda p: encode(p, "libx264", {"bf": "2"}, "yuv444p", (161, 91)),
     "mpeg4.avi": lambda p: encode(p, "mpeg4", {"g": "12", "q": "2"}),
@@ -94,7 +98,9 @@ def test_random_access_gives_the_frames_of_reading_in_order(name: str, clips: Pa
     for n in order:
         np.testing.assert_array_equal(next(read(looked, n, n + 1)), in_order[n])
     for start in (33, 5, 17):
-        np.testing.assert_array_equal(np.stack(list(read(looked, start, start + 6))), in_order[start : start + 6])
+        np.testing.assert_array_equal(
+            np.stack(list(read(looked, start, start + 6))), in_order[start : start + 6]
+        )
 
 
 def test_times_are_presentation_times(clips: Path) -> None:
@@ -253,7 +259,9 @@ def test_a_truncated_video_names_the_first_bad_frame_and_can_be_used_up_to_it(
         path.write_bytes(whole[:middle] + bytes(end - middle) + whole[end:])
     else:
         path.write_bytes(whole[: len(whole) * 3 // 5])
-    with pytest.raises(VideoError, match=rf"{name}: is damaged or cut off: .* frame \d+ cannot; --allow-truncated"):
+    with pytest.raises(
+        VideoError, match=rf"{name}: is damaged or cut off: .* frame \d+ cannot; --allow-truncated"
+    ):
         probe(str(path), Video())
     looked = probe(str(path), Video(allow_truncated=True))
     images = list(read(looked, 0, len(looked.times)))
@@ -285,3 +293,17 @@ def test_an_unreadable_image_is_named(tmp_path: Path) -> None:
 def test_a_start_behind_the_end_names_the_length(clips: Path) -> None:
     with pytest.raises(SettingsError, match=r"leave 0 of its 40 frames \(1\.56 s\)"):
         probe(str(clips / "b-frames.mp4"), Video(start="99"))
+
+
+def test_reading_in_order_decodes_each_frame_once(clips: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from zsmoseg import decoding
+
+    starts = []
+    start = decoding.Decoder._start
+    monkeypatch.setattr(decoding.Decoder, "_start", lambda self, key: (starts.append(key), start(self, key)))
+    decoding.decoder.cache_clear()
+    looked = probe(str(clips / "b-frames.mp4"), Video())
+    starts.clear()
+    for first in range(0, COUNT, 8):
+        assert [decoded(i) for i in read(looked, first, first + 8)] == list(range(first, first + 8))
+    assert len(starts) <= 1 + len(looked.keys)

@@ -1,0 +1,1 @@
+"""The DAG: what runs, in which order, where."""

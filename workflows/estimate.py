@@ -55,7 +55,9 @@ def _measured(plan: VideoPlan, stage: StagePlan) -> tuple[float, float] | None:
         return None
     frames, seconds, size = 0, 0.0, 0
     for artifact in stage.artifact.siblings():
-        for (start, stop), record in zip(artifact.parts, map(artifact.part, range(len(artifact.parts))), strict=True):
+        for (start, stop), record in zip(
+            artifact.parts, map(artifact.part, range(len(artifact.parts))), strict=True
+        ):
             if record is not None and "seconds" in record.facts:
                 frames += stop - start
                 seconds += record.facts["seconds"]

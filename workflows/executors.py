@@ -89,7 +89,11 @@ class Dask:
             self._client = Client(self._cluster)
         elif isinstance(self._where, str):
             try:
-                file = {"scheduler_file": self._where} if os.path.exists(self._where) else {"address": self._where}
+                file = (
+                    {"scheduler_file": self._where}
+                    if os.path.exists(self._where)
+                    else {"address": self._where}
+                )
                 self._client = Client(**file, timeout="10s")
             except (OSError, ValueError) as error:
                 raise SettingsError(

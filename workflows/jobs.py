@@ -58,7 +58,9 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
     except ZsmosegError as error:
         return Outcome("failed", error=str(error))
     except MemoryError:
-        return Outcome("failed", error="out of memory; use fewer workers (--workers) or a smaller chunk.length")
+        return Outcome(
+            "failed", error="out of memory; use fewer workers (--workers) or a smaller chunk.length"
+        )
     except Exception as error:
         what = f"unexpected {type(error).__name__}: {error}"
         return Outcome("failed", error=what, trace=traceback.format_exc())

@@ -193,7 +193,9 @@ def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None
         first = next(iter(problems.values()))
         stage.reason = f"{len(problems)} of {len(stage.parts)} parts to do: {first}"
     else:
-        changed = sorted({name for i in stage.todo for name, p in plan.before(stage, i) if p in plan.stages[name].todo})
+        changed = sorted(
+            {name for i in stage.todo for name, p in plan.before(stage, i) if p in plan.stages[name].todo}
+        )
         stage.reason = f"input redone: {', '.join(changed)}"
 
 

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+BLOCK = 16
+"""Frames that a lazy mask reads at once."""
+
+
 def segment(
     source: str | Path,
     groups: int | Literal["auto"] = "auto",
@@ -53,7 +57,9 @@ def segment(
     if report.failures:
         raise StageError(next(iter(report.failures.values())))
     (plan,) = report.plans
-    return Result(Store.open(store, create=False), plan.name, plan.video, {n: s.key for n, s in plan.stages.items()})
+    return Result(
+        Store.open(store, create=False), plan.name, plan.video, {n: s.key for n, s in plan.stages.items()}
+    )
 
 
 @dataclass(frozen=True)
@@ -91,11 +97,18 @@ class Result:
 
     def masks(self, kind: Literal["moving", "group", "thing"] = "moving") -> xr.DataArray:
         """Masks (frame, y, x), read when used: ``moving`` bool, ``group`` and ``thing`` integers, 0 = static."""
-        labels = self.tree["labels/label"]
+        import xarray as xr
+
+        labels = self.artifact("labels").dataset(self.probe.times, self.probe.names)["label"]
         table = self.artifact("groups").read_table(0)
         number: NDArray[np.int64] = table["thing" if kind == "thing" else "group"]
         lookup = number > 0 if kind == "moving" else number
-        return labels.copy(data=lookup[labels.data]) if not labels.chunks else labels.map_blocks(lambda a: a.copy(data=lookup[a.data]))
+        chunked = labels.chunk(frame=BLOCK)
+        masks: xr.DataArray = xr.apply_ufunc(
+            lambda label: lookup[label], chunked, dask="parallelized", output_dtypes=[lookup.dtype]
+        )
+
+        return masks
 
     @property
     def objects(self) -> dict[str, NDArray[Any]]:
@@ -125,10 +138,16 @@ class OpenStore:
     def get(self, name: str, run: str | None = None) -> Result:
         """The latest finished run of a video, or the one of ``run``."""
         for record in reversed(list_runs(self.store)):
-            if name in record["videos"] and run in (None, record["id"]) and name not in record.get("failures", {}):
+            if (
+                name in record["videos"]
+                and run in (None, record["id"])
+                and name not in record.get("failures", {})
+            ):
                 entry = record["videos"][name]
                 return Result(self.store, name, entry["video"], entry["keys"])
-        raise StoreError(f"{self.store.path}: no finished run of {name!r}; zsmoseg status lists what is there")
+        raise StoreError(
+            f"{self.store.path}: no finished run of {name!r}; zsmoseg status lists what is there"
+        )
 
 
 def open_store(path: str | Path) -> OpenStore:

@@ -9,9 +9,9 @@ from typing import Any, Protocol
 
 from zsmoseg.errors import StageError, ZsmosegError
 from zsmoseg.settings import Settings
+from zsmoseg.sources import sources, unique_names
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.records import RunRecord
-from zsmoseg.sources import sources, unique_names
 from zsmoseg.video import probe
 from zsmoseg.workflows.estimate import Estimate, estimate, estimate_line, refuse_full_disk
 from zsmoseg.workflows.executors import Executor, make_executor
@@ -184,7 +184,9 @@ def prepare(store: Store, plan: VideoPlan) -> None:
             description["probe"] = plan.probe.to_json()
         stage.artifact.begin(description, stage.parts, stage.stage.arrays(plan.probe, stage.sections()))
         stage.artifact.invalidate(stage.todo)
-    outputs = {name: stage.description for name, stage in plan.stages.items() if stage.stage.output and stage.todo}
+    outputs = {
+        name: stage.description for name, stage in plan.stages.items() if stage.stage.output and stage.todo
+    }
     if outputs:
         plan.output.claim(outputs)
 

@@ -62,7 +62,9 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
         ],
         "settings": settings.flat(),
         "keys": {name: stage.key for name, stage in plan.stages.items()},
-        "stages": {name: _cost(plan, name) for name, stage in plan.stages.items() if stage.artifact is not None},
+        "stages": {
+            name: _cost(plan, name) for name, stage in plan.stages.items() if stage.artifact is not None
+        },
     }
 
 

@@ -57,7 +57,9 @@ def index(path: str) -> Index:
             if counted and stream.average_rate:
                 base = float(1 / stream.average_rate)
     except av.error.FFmpegError as error:
-        raise VideoError(f"{path}: is not a video, or it is damaged from the start ({error.strerror})") from error
+        raise VideoError(
+            f"{path}: is not a video, or it is damaged from the start ({error.strerror})"
+        ) from error
     if not packets:
         raise VideoError(f"{path}: holds no frame")
     if counted or any(pts is None for pts, _ in packets):
@@ -67,13 +69,17 @@ def index(path: str) -> Index:
     try:
         first = next(iter(Decoder(path, keys).frames(pts[:1])))
     except VideoError as error:
-        raise VideoError(f"{path}: is not a video, or it is damaged: its first frame cannot be decoded") from error
+        raise VideoError(
+            f"{path}: is not a video, or it is damaged: its first frame cannot be decoded"
+        ) from error
     step = float(np.median(np.diff(pts))) * base if len(pts) > 1 else promised
     lacking = round((promised - (pts[-1] - pts[0]) * base - step) / step) if promised else 0
     last = pts[pts.index(max(k for k in keys if k in pts)) :]
     whole = lacking <= 1 and _good(path, last, keys) == len(last)
     decodable = len(pts) if whole else _good(path, _before_gap(pts, step / base), keys)
-    return Index(pts, keys, base, *first.shape[:2], decodable, len(pts) + (lacking if lacking > 1 else 0))
+    return Index(
+        pts, keys, base, first.shape[0], first.shape[1], decodable, len(pts) + (lacking if lacking > 1 else 0)
+    )
 
 
 def _before_gap(pts: tuple[int, ...], step: float) -> tuple[int, ...]:
@@ -127,6 +133,7 @@ class Decoder:
 
     def __init__(self, path: str, keys: Sequence[int]) -> None:
         self.path, self.keys = path, np.asarray(keys, np.int64)
+        self.first = int(self.keys[0]) if len(self.keys) else 0
         self._container: Any = None
         self._stream: Iterator[tuple[int, Any]] = iter(())
         self._next: int | None = None
@@ -143,9 +150,9 @@ class Decoder:
             yield self._frame(int(pts))
 
     def _frame(self, pts: int) -> UInt8:
-        key = int(self.keys[self.keys <= pts].max(initial=pts)) if len(self.keys) else 0
+        key = int(self.keys[: np.searchsorted(self.keys, pts, "right")].max(initial=self.first))
         earlier = iter(sorted({int(k) for k in self.keys[self.keys < key]}, reverse=True))
-        if self._next is None or not (max(key, self._next) == self._next <= pts):
+        if self._next is None or not key <= self._next <= pts:
             self._start(key)
         while True:
             try:
@@ -177,7 +184,7 @@ class Decoder:
             raise VideoError(f"{self.path}: cannot be opened ({error.strerror})") from error
         stream = self._container.streams.video[0]
         stream.codec_context.thread_count = 1
-        if len(self.keys) and key > self.keys[0]:
+        if key > self.first:
             self._container.seek(key, stream=stream, backward=True)
         decoded = self._container.decode(stream)
         if len(self.keys):

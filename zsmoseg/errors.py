@@ -1,12 +1,12 @@
 """What users can be told: one tree, each message one line that says what was wrong and what to do.
 
-    ZsmosegError
-    ├── SettingsError    a setting, preset or option: unknown, wrong type, out of range
-    ├── VideoError       a source: missing, not a video, damaged, too short, frames of different size
-    ├── StoreError       a store: not one, of a newer version, damaged, of another source
-    ├── OutputError      an output folder: made by something else or from another source
-    ├── SpaceError       the disk is full or too small for the plan
-    └── StageError       a part of a stage failed; what was finished is kept
+ZsmosegError
+├── SettingsError    a setting, preset or option: unknown, wrong type, out of range
+├── VideoError       a source: missing, not a video, damaged, too short, frames of different size
+├── StoreError       a store: not one, of a newer version, damaged, of another source
+├── OutputError      an output folder: made by something else or from another source
+├── SpaceError       the disk is full or too small for the plan
+└── StageError       a part of a stage failed; what was finished is kept
 """
 
 from __future__ import annotations

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
+from zsmoseg.kernels import measure_pieces_of
 from zsmoseg.motion.models import Floats
 
 BINS = (8, 6, 6)
@@ -33,9 +33,7 @@ class Pieces:
     """(N, bins) px."""
 
 
-def measure_pieces(
-    label: NDArray[np.integer], frames: NDArray[np.uint8], ids: NDArray[np.int64]
-) -> Pieces:
+def measure_pieces(label: NDArray[np.integer], frames: NDArray[np.uint8], ids: NDArray[np.int64]) -> Pieces:
     """Place and colour of the objects ``ids`` (N, ascending, 0 first) in ``label`` (T, h, w), ``frames`` (T, h, w, 3)."""
     count = len(ids)
     area = np.zeros((len(label), count), np.int32)
@@ -43,34 +41,8 @@ def measure_pieces(
     colour = np.zeros((count, int(np.prod(BINS))), np.int64)
     for t, (one, frame) in enumerate(zip(label, frames, strict=True)):
         slot = np.searchsorted(ids, one).astype(np.int32)
-        area[t], box[t] = _measure(slot, cv2.cvtColor(frame, cv2.COLOR_BGR2LAB), colour)
+        area[t], box[t] = measure_pieces_of(slot, cv2.cvtColor(frame, cv2.COLOR_BGR2LAB), colour)
     return Pieces(area, box, colour)
-
-
-@nb.njit(cache=True)
-def _measure(slot, lab, colour):  # type: ignore[no-untyped-def]
-    """Area and box per slot; colours are added to ``colour``. The background has no colour and no box."""
-    height, width = slot.shape
-    count = len(colour)
-    area = np.zeros(count, np.int32)
-    box = np.full((count, 4), np.nan, np.float32)
-    for y in range(height):
-        for x in range(width):
-            n = slot[y, x]
-            area[n] += 1
-            if n == 0:
-                continue
-            code = np.int64(lab[y, x, 0]) * 8 // 256
-            for c in range(1, 3):
-                part = (np.int64(lab[y, x, c]) - 80) // 16
-                code = code * 6 + min(max(part, 0), 5)
-            colour[n, code] += 1
-            if np.isnan(box[n, 0]):
-                box[n, 0], box[n, 1], box[n, 2], box[n, 3] = x, y, x + 1, y + 1
-            else:
-                box[n, 0], box[n, 2] = min(box[n, 0], x), max(box[n, 2], x + 1)
-                box[n, 3] = y + 1
-    return area, box
 
 
 def box_gap(a: Floats, b: Floats) -> Floats:

@@ -80,7 +80,7 @@ def overlay(frame: UInt8, mask: NDArray[np.integer[Any]], strength: float = 0.55
 
 def group_colours(highest: int) -> UInt8:
     """(highest + 1, 3) BGR; number 0 is black."""
-    hue = (18 + 68.754 * np.arange(highest + 1)) % 180
+    hue = (18 + 68.754 * (np.arange(highest + 1) - 1)) % 180
     hsv = np.stack([hue, np.full_like(hue, 230), np.full_like(hue, 255)], 1).astype(np.uint8)
     colours = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2BGR)[0]
     colours[0] = 0

@@ -41,7 +41,9 @@ def _expand(argument: str) -> list[str]:
         return _folder(path)
     if path.is_file():
         if path.suffix.lower() in IMAGES:
-            raise VideoError(f"{argument}: is one image; give a video, a folder of frames, or a glob in quotes")
+            raise VideoError(
+                f"{argument}: is one image; give a video, a folder of frames, or a glob in quotes"
+            )
         return [argument]
     if glob.has_magic(argument):
         matches = sorted(glob.glob(argument, recursive=True), key=natural)

@@ -47,7 +47,8 @@ class Probe:
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Probe:
         """From JSON."""
-        return cls(**{name: tuple(value) if isinstance(value, list) else value for name, value in content.items()})
+        lists = {name: tuple(value) for name, value in content.items() if isinstance(value, list)}
+        return cls(**{**content, **lists})
 
 
 def probe(source: str, s: settings.Video) -> Probe:
@@ -93,7 +94,9 @@ def _image_size(file: str) -> tuple[int, int]:
             width, height = image.size
             return (height, width) if image.getexif().get(ORIENTATION, 1) >= 5 else (width, height)
     except (OSError, UnidentifiedImageError) as error:
-        raise VideoError(f"{file}: cannot be read as an image; replace it or take it out of the folder") from error
+        raise VideoError(
+            f"{file}: cannot be read as an image; replace it or take it out of the folder"
+        ) from error
 
 
 def _probe_file(source: str, s: settings.Video) -> Probe:

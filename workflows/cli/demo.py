@@ -22,11 +22,11 @@ def main(options: argparse.Namespace) -> int:
     """Render, segment, score; the clip stays beside the masks."""
     from zsmoseg.metrics import track_scores
     from zsmoseg.settings import resolve
+    from zsmoseg.stores.location import Store
     from zsmoseg.synthetic import demo_scene
     from zsmoseg.workflows.progress import make_watcher
     from zsmoseg.workflows.result import Result
     from zsmoseg.workflows.run import Request, run
-    from zsmoseg.stores.location import Store
 
     clip = options.out / "demo.mp4"
     print(f"rendering {clip}: a moving camera, two things that move by themselves")
@@ -39,7 +39,9 @@ def main(options: argparse.Namespace) -> int:
     if report.failures:
         return 2
     (plan,) = report.plans
-    result = Result(Store.open(store, create=False), plan.name, plan.video, {n: s.key for n, s in plan.stages.items()})
+    result = Result(
+        Store.open(store, create=False), plan.name, plan.video, {n: s.key for n, s in plan.stages.items()}
+    )
     found = result.masks("moving")
     scores = track_scores((truth > 0, mask.values) for truth, mask in zip(scene.truth, found, strict=True))
     print(f"against the truth of the scene: Pu {scores.pu:.1f}  Ru {scores.ru:.1f}  Fu {scores.fu:.1f}")

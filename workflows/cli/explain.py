@@ -24,7 +24,9 @@ def main(options: argparse.Namespace) -> int:
     result = open_store(store_path(options.store)).get(options.video, options.run)
     table, moving = result.objects, result.moving()
     if options.object is not None and options.object not in table["object"]:
-        raise StoreError(f"{options.video} has no object {options.object}; there are 0 to {table['object'].max()}")
+        raise StoreError(
+            f"{options.video} has no object {options.object}; there are 0 to {table['object'].max()}"
+        )
     rows = [
         {name: column[i] for name, column in table.items()}
         for i in range(len(table["object"]))

@@ -11,7 +11,9 @@ from zsmoseg.workflows.cli.common import store_option, store_path
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``gc``."""
     store_option(parser)
-    parser.add_argument("--forget", action="append", default=[], metavar="RUN", help="drop a run (see zsmoseg runs)")
+    parser.add_argument(
+        "--forget", action="append", default=[], metavar="RUN", help="drop a run (see zsmoseg runs)"
+    )
     parser.add_argument("--yes", action="store_true", help="do not ask")
 
 

@@ -16,7 +16,11 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("sources", nargs="+", metavar="SOURCE", help="video file, folder of frames, glob, or dataset folder")
     add("-o", "--out", type=Path, default=Path(OUT), help=f"output folder (default: {OUT})")
     store_option(parser)
-    add("--preset", default="default", help="default, or paper-core: the paper to the letter from proposals on")
+    add(
+        "--preset",
+        default="default",
+        help="default, or paper-core: the paper to the letter from proposals on",
+    )
     add("--groups", metavar="auto|K", help="number of groups, the static one included (groups.count)")
     add("--set", action="append", default=[], metavar="KEY=VALUE", help="one setting; see zsmoseg settings")
     add("--config", type=Path, metavar="FILE", help="settings in TOML")
@@ -80,6 +84,9 @@ def main(options: argparse.Namespace) -> int:
     with make_watcher() as watcher:
         report = run(request, watcher)
     if report.failures:
-        print(f"zsmoseg: {len(report.failures)} of {len(report.failures) + len(report.summaries)} videos failed", file=sys.stderr)
+        print(
+            f"zsmoseg: {len(report.failures)} of {len(report.failures) + len(report.summaries)} videos failed",
+            file=sys.stderr,
+        )
         return 2
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.tables import STATES
 from zsmoseg.video import Probe
 from zsmoseg.workflows.stage import Left, Stage, Task, working_size
+
 
 def arrays(probe: Probe, settings: SimpleNamespace) -> list[ArraySpec]:
     """``forward``, ``backward`` (pair, component, y, x) in px of the working grid; ``state``, ``valid`` (pair)."""
@@ -35,7 +37,7 @@ def task(task: Task) -> Left:
     """Flow of the pairs that start in one chunk."""
     frames = task.inputs["frames"].read("frame", task.start, task.last_pair + 1)
     forward, backward, states = [], [], []
-    for a, b in zip(frames[:-1], frames[1:], strict=True):
+    for a, b in pairwise(frames):
         there, back = flow.between(a, b, task.settings.flow)
         forward.append(there)
         backward.append(back)

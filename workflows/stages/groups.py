@@ -25,7 +25,9 @@ def task(task: Task) -> Left:
     return Left(tables=summary, groups=_shots(task, summary, facts), facts=facts)
 
 
-def _shots(task: Task, summary: dict[str, NDArray[Any]], facts: dict[str, Any]) -> Iterator[tuple[str, Tables]]:
+def _shots(
+    task: Task, summary: dict[str, NDArray[Any]], facts: dict[str, Any]
+) -> Iterator[tuple[str, Tables]]:
     """One shot after the other; ``summary`` and ``facts`` are filled at the end."""
     columns: dict[str, list[NDArray[Any]]] = {}
     warnings: list[str] = []
@@ -34,7 +36,10 @@ def _shots(task: Task, summary: dict[str, NDArray[Any]], facts: dict[str, Any]) 
     groups = things = 0
     for span in found:
         answer = _group(task, span)
-        warnings += [text if len(found) == 1 else f"frames {span.start} to {span.stop - 1}: {text}" for text in answer.warnings]
+        warnings += [
+            text if len(found) == 1 else f"frames {span.start} to {span.stop - 1}: {text}"
+            for text in answer.warnings
+        ]
         own = slice(0 if not columns else 1, None)
         for name, values in _columns(answer, groups, things).items():
             columns.setdefault(name, []).append(values[own])

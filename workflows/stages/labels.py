@@ -16,7 +16,9 @@ from zsmoseg.workflows.stages.objects import read_frame_objects
 def arrays(probe: Probe, settings: SimpleNamespace) -> list[ArraySpec]:
     """``label`` (frame, y, x), displayed size."""
     shape = (len(probe.times), probe.height, probe.width)
-    return [ArraySpec("label", ("frame", "y", "x"), shape, "uint16", long_name="object, 0 = none", kind="label")]
+    return [
+        ArraySpec("label", ("frame", "y", "x"), shape, "uint16", long_name="object, 0 = none", kind="label")
+    ]
 
 
 def task(task: Task) -> Left:
@@ -33,7 +35,9 @@ def task(task: Task) -> Left:
             label[ignored] = 0
     ids = np.unique(labels)
     area = np.stack([np.bincount(label.ravel(), minlength=int(ids[-1]) + 1)[ids] for label in labels])
-    return Left(arrays={"label": labels}, tables={"object": ids.astype(np.int64), "area": area.astype(np.int64)})
+    return Left(
+        arrays={"label": labels}, tables={"object": ids.astype(np.int64), "area": area.astype(np.int64)}
+    )
 
 
 STAGE = Stage(

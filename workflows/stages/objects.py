@@ -53,7 +53,8 @@ def _blocks(task: Task, summary: dict[str, NDArray[Any]]) -> Iterator[tuple[str,
             frame += 1
             if frame % BLOCK == 0 or frame == task.frames:
                 offset = np.cumsum([0, *map(len, values)], dtype=np.int64)
-                block = {"offset": offset, "value": np.concatenate(values), "object": np.concatenate(ids)}
+                block: dict[str, NDArray[Any]] = {"offset": offset, "value": np.concatenate(values)}
+                block["object"] = np.concatenate(ids)
                 yield f"{frame - len(values):08d}", block
                 values, ids = [], []
         last.append(highest)

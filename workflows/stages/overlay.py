@@ -7,7 +7,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import av
-import cv2
 import numpy as np
 
 from zsmoseg.masks import overlay, paint_table
@@ -45,8 +44,8 @@ def task(task: Task) -> Left:
             for label, state in zip(labels, moving, strict=True):
                 mask = paint_table(table["group"], state, task.settings.masks.when)[label]
                 image = overlay(next(images), mask.astype(np.uint16))
-                image = cv2.resize(image, (stream.width, stream.height), interpolation=cv2.INTER_AREA)
-                for packet in stream.encode(av.VideoFrame.from_ndarray(image, "bgr24")):
+                even = image[: stream.height, : stream.width]
+                for packet in stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(even), "bgr24")):
                     container.mux(packet)
         for packet in stream.encode(None):
             container.mux(packet)

@@ -23,7 +23,9 @@ def arrays(probe: Probe, settings: SimpleNamespace) -> list[ArraySpec]:
 def task(task: Task) -> Left:
     """Superpixels of one chunk."""
     frames = task.inputs["frames"].read("frame", task.start, task.stop)
-    return Left(arrays={"segment": np.stack([superpixels.segment(f, task.settings.segments) for f in frames])})
+    return Left(
+        arrays={"segment": np.stack([superpixels.segment(f, task.settings.segments) for f in frames])}
+    )
 
 
 STAGE = Stage("segments", 1, task, inputs={"frames": 0}, sections=("frames", "segments"), arrays=arrays)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 from zsmoseg.tables import STATES, chunk_tables
 from zsmoseg.workflows.reading import read_states
 from zsmoseg.workflows.stage import Left, Stage, Task

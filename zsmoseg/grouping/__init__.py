@@ -1,0 +1,1 @@
+"""From residuals to groups: kernels, affinity, evidence, decision, motion state."""

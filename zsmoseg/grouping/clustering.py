@@ -67,7 +67,9 @@ def spectral(affinity: Floats, clusters: int, weight: Floats | None = None) -> t
     w = np.ones(count) if weight is None else np.maximum(weight / max(weight.max(), 1e-12), 1e-9)
     degree = affinity @ w
     scale = np.sqrt(w / np.where(degree > 0, degree, np.inf))
-    values, vectors = np.linalg.eigh((scale[:, None] * affinity * scale[None, :] + (scale[:, None] * affinity * scale[None, :]).T) / 2)
+    values, vectors = np.linalg.eigh(
+        (scale[:, None] * affinity * scale[None, :] + (scale[:, None] * affinity * scale[None, :]).T) / 2
+    )
     order = np.argsort(-values, kind="stable")
     rows = vectors[:, order[:clusters]]
     length = np.linalg.norm(rows, axis=1, keepdims=True)
@@ -76,7 +78,9 @@ def spectral(affinity: Floats, clusters: int, weight: Floats | None = None) -> t
         return np.zeros(count, np.int64), values[order]
     different = len(np.unique(np.round(rows, 9), axis=0))
     if different < clusters:
-        return np.unique(np.round(rows, 9), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64), values[order]
+        return np.unique(np.round(rows, 9), axis=0, return_inverse=True)[1].reshape(-1).astype(
+            np.int64
+        ), values[order]
     means = KMeans(clusters, n_init=20, random_state=0).fit(rows, sample_weight=w)
     return means.labels_.astype(np.int64), values[order]
 

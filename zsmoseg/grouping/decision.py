@@ -53,7 +53,9 @@ def decide(shot: Shot, area: Floats, model: Model, s: settings.Groups) -> Decisi
     significant = area >= s.significant * area[1:].max(initial=0.0)
     significant[0] = False
     moving = np.zeros(count, np.bool_)
-    decision = Decision(moving, np.zeros(count), 0.0, 0.0, np.inf, ShotEvidence([], np.zeros(count), np.zeros(0)))
+    decision = Decision(
+        moving, np.zeros(count), 0.0, 0.0, np.inf, ShotEvidence([], np.zeros(count), np.zeros(0))
+    )
     for _ in range(s.rounds):
         found = shot_evidence(shot, count, model, static, s.noise_area)
         largest = max(float(found.cells.max(initial=0.0)), s.floor)

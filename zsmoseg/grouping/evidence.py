@@ -53,7 +53,9 @@ class PairEvidence:
     world_own: float
 
 
-def pair_evidence(g: PairGrams, model: Model, static: NDArray[np.bool_], noise_area: float) -> PairEvidence | None:
+def pair_evidence(
+    g: PairGrams, model: Model, static: NDArray[np.bool_], noise_area: float
+) -> PairEvidence | None:
     """The evidence of one pair against the objects ``static`` (N, by global id); None where no world is seen.
 
     An object of the static set, and a cell, is measured against the rest of it. A fit of P parameters to n
@@ -106,7 +108,9 @@ class ShotEvidence:
     """px: mean of every cell that is seen in a fifth of the pairs or more."""
 
 
-def shot_evidence(shot: Shot, count: int, model: Model, static: NDArray[np.bool_], noise_area: float) -> ShotEvidence:
+def shot_evidence(
+    shot: Shot, count: int, model: Model, static: NDArray[np.bool_], noise_area: float
+) -> ShotEvidence:
     """Evidence of all pairs, and its means; ``count`` objects by global id."""
     pairs = [e for g in shot() if (e := pair_evidence(g, model, static, noise_area)) is not None]
     total, weight = np.zeros(count), np.zeros(count)

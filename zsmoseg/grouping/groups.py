@@ -136,13 +136,15 @@ def linked_groups(
     strong = _strong(decision, support, pairs, s)
     if not strong.any():
         return group
-    seen = pieces.area > 0
-    covered = (seen & seen[:, strong].any(1)[:, None]).sum(0) > s.overlap * seen.sum(0)
+    seen: NDArray[np.bool_] = np.greater(pieces.area, 0)
+    covered = (seen & seen[:, strong].any(axis=1, keepdims=True)).sum(0) > s.overlap * seen.sum(0)
     hidden = ~covered & (decision.score > s.weak * decision.threshold)
     open_ = (support > 0) & ~strong & (decision.moving | hidden | (pairs < s.frames))
     ids = np.flatnonzero(strong | open_)
     cost = pair_costs(shot, ids, len(pairs), decision.yardstick, model, s)
-    ratio = np.where(near.goes_on, np.minimum(cost.together / cost.tolerance, 0.5), cost.together / cost.tolerance)
+    ratio = np.where(
+        near.goes_on, np.minimum(cost.together / cost.tolerance, 0.5), cost.together / cost.tolerance
+    )
     members = np.flatnonzero(strong)
     clusters = None if s.count == "auto" else min(s.count - 1, len(members))
     group[members] = average_linkage(ratio[np.ix_(members, members)], support[members], clusters)
@@ -150,12 +152,14 @@ def linked_groups(
     return group
 
 
-def _strong(decision: Decision, support: Floats, pairs: NDArray[np.int64], s: settings.Groups) -> NDArray[np.bool_]:
+def _strong(
+    decision: Decision, support: Floats, pairs: NDArray[np.int64], s: settings.Groups
+) -> NDArray[np.bool_]:
     """The movers that make groups; with a given number of groups at least that many, by falling evidence."""
     if s.count == 1:
         return np.zeros(len(support), np.bool_)
     moving = decision.moving & (support > 0)
-    strong = moving
+    strong: NDArray[np.bool_] = moving
     if moving.any():
         big = support >= s.share * support[moving].max()
         strong = moving & big & (pairs >= min(s.frames, max(int(pairs.max()), 1)))

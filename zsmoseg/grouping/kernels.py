@@ -42,7 +42,7 @@ def ordered_weighted(residual: Floats, ranking: Literal["row", "column"]) -> Flo
         now = v @ v.T
         out += weight * (now - before)
         before = now
-    return out / weights.sum()
+    return np.asarray(out / weights.sum())
 
 
 def inlier(residual: Floats, pixels: Floats, factor: float, floor: float) -> Floats:

@@ -29,14 +29,22 @@ def motion_state(
     if frames > 1:
         excess[-1] = excess[-2]
     smooth = median_filter(excess, s.state_window)
-    margin = np.log(np.maximum(smooth, 1e-6) / threshold) if np.isfinite(threshold) else np.full_like(smooth, np.nan)
+    margin = (
+        np.log(np.maximum(smooth, 1e-6) / threshold)
+        if np.isfinite(threshold)
+        else np.full_like(smooth, np.nan)
+    )
     moving = np.zeros((frames, len(group)), np.bool_)
     for n in np.flatnonzero(group > 0):
         known = np.flatnonzero(np.isfinite(margin[:, n]))
         now = not len(known) or bool(margin[known[0], n] > 0)
         for t in range(frames):
             if np.isfinite(margin[t, n]):
-                now = bool(margin[t, n] > np.log(s.state_low)) if now else bool(margin[t, n] > np.log(s.state_high))
+                now = (
+                    bool(margin[t, n] > np.log(s.state_low))
+                    if now
+                    else bool(margin[t, n] > np.log(s.state_high))
+                )
             moving[t, n] = now
     return moving, margin.astype(np.float32)
 

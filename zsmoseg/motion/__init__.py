@@ -1,0 +1,1 @@
+"""Motion models, the one pass of statistics, fits and residuals."""

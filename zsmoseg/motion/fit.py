@@ -22,7 +22,12 @@ def moments(gram: Floats, model: Model) -> tuple[Floats, Floats, Floats, Floats]
     g = gram[..., :BASIS, :BASIS]
     square = model.rows_u.T @ g @ model.rows_u + model.rows_v.T @ g @ model.rows_v
     right = gram[..., :BASIS, 9] @ model.rows_u + gram[..., :BASIS, 10] @ model.rows_v
-    return square, right, gram[..., 9, 9] + gram[..., 10, 10], gram[..., 0, 0]
+    return (
+        np.asarray(square),
+        np.asarray(right),
+        np.asarray(gram[..., 9, 9] + gram[..., 10, 10]),
+        np.asarray(gram[..., 0, 0]),
+    )
 
 
 def fit(gram: Floats, model: Model, frame: Floats) -> Floats:

@@ -89,9 +89,10 @@ MODELS: Mapping[str, Model] = MappingProxyType(
 
 
 def coordinates(height: int, width: int) -> tuple[Floats, Floats]:
-    """x (w,) and y (h,) from the image centre, in units of half the long side: conditioning only."""
+    """X (w,) and y (h,) from the image centre, in units of half the long side: conditioning only."""
     scale = 2.0 / max(height, width)
-    return (np.arange(width) - (width - 1) / 2) * scale, (np.arange(height) - (height - 1) / 2) * scale
+    x, y = (np.arange(n, dtype=np.float64) - (n - 1) / 2 for n in (width, height))
+    return x * scale, y * scale
 
 
 def design(inverse_depth: Floats, model: Model) -> tuple[Floats, Floats]:

@@ -13,7 +13,7 @@ LEAST = 12
 
 
 def residuals(gram: Floats, theta: Floats, model: Model) -> Floats:
-    """e (I, N): mean squared residual of parameters ``theta`` (I, P) on the pixels of ``gram`` (N, 11, 11), px^2.
+    """E (I, N): mean squared residual of parameters ``theta`` (I, P) on the pixels of ``gram`` (N, 11, 11), px^2.
 
     Quadratic forms of all pairs at once, so the cost hardly grows with the number of objects. NaN where n has no
     pixels.
@@ -69,7 +69,9 @@ def merge_costs(gram: Floats, model: Model, frame: Floats) -> tuple[Floats, Floa
     i, k = np.triu_indices(len(gram), 1)
     joint = own_cost(gram[i] + gram[k], model, frame)
     d = np.zeros((len(gram), len(gram)))
-    d[i, k] = d[k, i] = np.maximum(joint - own[i] - own[k], 0.0) / np.maximum(np.minimum(pixels[i], pixels[k]), 1.0)
+    d[i, k] = d[k, i] = np.maximum(joint - own[i] - own[k], 0.0) / np.maximum(
+        np.minimum(pixels[i], pixels[k]), 1.0
+    )
     return d, own / np.maximum(pixels, 1.0)
 
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 import cv2
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.motion.models import SIZE, Floats, coordinates, normalise
+from zsmoseg.kernels import gram_matrices
+from zsmoseg.motion.models import Floats, coordinates, normalise
 
 UNUSED = -1
 
@@ -53,7 +53,7 @@ def pair_statistics(
     q = np.zeros(label.shape) if inverse_depth is None else normalise(inverse_depth)
     gram = gram_matrices(slot, x, y, q, flow[0], flow[1], len(ids) + s.cells_y * s.cells_x)
     gram[0] = gram[len(ids) :].sum(0)
-    return gram
+    return np.asarray(gram)
 
 
 def cell_grid(shape: tuple[int, ...], rows: int, columns: int) -> NDArray[np.int32]:
@@ -77,29 +77,3 @@ def without_borders(label: NDArray[np.integer[Any]], radius: int) -> NDArray[np.
     before = np.bincount(compact.ravel())
     after = np.bincount(compact[~border], minlength=len(before))
     return np.asarray(border & ~(after < 0.25 * before)[compact])
-
-
-@nb.njit(cache=True)
-def gram_matrices(slot, x, y, q, u, v, count):  # type: ignore[no-untyped-def]
-    """Sums of products per slot; a pixel with slot below 0 or values that are not finite is left out."""
-    height, width = slot.shape
-    gram = np.zeros((count, SIZE, SIZE))
-    psi = np.empty(SIZE)
-    for r in range(height):
-        for c in range(width):
-            n = slot[r, c]
-            value = q[r, c] + u[r, c] + v[r, c]
-            if n < 0 or not np.isfinite(value):
-                continue
-            psi[0], psi[1], psi[2], psi[3] = 1.0, x[c], y[r], q[r, c]
-            psi[4], psi[5] = x[c] * q[r, c], y[r] * q[r, c]
-            psi[6], psi[7], psi[8] = x[c] * x[c], x[c] * y[r], y[r] * y[r]
-            psi[9], psi[10] = u[r, c], v[r, c]
-            for i in range(SIZE):
-                for j in range(i, SIZE):
-                    gram[n, i, j] += psi[i] * psi[j]
-    for n in range(count):
-        for i in range(SIZE):
-            for j in range(i):
-                gram[n, i, j] = gram[n, j, i]
-    return gram
