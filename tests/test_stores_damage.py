@@ -171,6 +171,14 @@ def test_what_a_killed_writer_left_is_gone_when_the_part_is_written_again(store:
     assert data_files(artifact) == healthy
 
 
+def test_a_record_of_other_frames_than_the_part_has_does_not_count(store: Store) -> None:
+    artifact = make_artifact(store)
+    artifact.record_path(0).write_bytes(artifact.record_path(1).read_bytes())
+    assert artifact.part_problem(0) == "the video was cut in another way"
+    with pytest.raises(StoreError, match="part 0: the video was cut in another way"):
+        artifact.seal()
+
+
 def test_invalidating_takes_back_that_all_is_done_before_the_parts(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -283,6 +283,13 @@ def test_leftovers_go_only_when_they_are_old(store: Store) -> None:
     assert [p.exists() for p in (old[1], young)] == [False, True]
 
 
+def test_leftovers_in_an_artifact_that_goes_are_counted_once(store: Store) -> None:
+    artifact = make_artifact(store, "k1")
+    remember(store, "k2")
+    leave(artifact.data / ".zarr.json.78.tmp", 4000)
+    assert garbage(store).paths == [artifact.path]
+
+
 def test_the_size_of_what_is_not_there_is_none(tmp_path: Path) -> None:
     assert files.size(tmp_path / "nothing") is None
     assert files.folders(tmp_path / "nothing") == []
