@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import random
 from collections.abc import Callable
 from fractions import Fraction
@@ -12,7 +13,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageOps
 
 from zsmoseg.errors import SettingsError, VideoError
 from zsmoseg.settings import Video
@@ -139,12 +140,31 @@ def test_rotation_is_respected(clips: Path, tmp_path: Path) -> None:
 def test_start_end_and_every_choose_frames(limits: dict[str, object], expected: range, clips: Path) -> None:
     looked = probe(str(clips / "open-gop.mp4"), Video(**limits))
     assert [decoded(i) for i in read(looked, 0, len(looked.times))] == list(expected)
-    assert looked.names[0] == f"{expected[0]:05d}"
+    assert looked.indices == tuple(expected)
+    assert looked.names == tuple(f"{n:05d}" for n in expected)
 
 
 def test_a_probe_goes_through_json(clips: Path) -> None:
     looked = probe(str(clips / "vp9.webm"), Video())
     assert Probe.from_json(json.loads(json.dumps(looked.to_json()))) == looked
+    assert pickle.loads(pickle.dumps(looked)) == looked
+
+
+def test_a_probe_is_read_from_any_folder(
+    clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for n in (3, 4):
+        write(tmp_path / "frames" / f"{n}.png", coded(n))
+    (tmp_path / "clip.mp4").write_bytes((clips / "b-frames.mp4").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    found = {name: probe(name, Video()) for name in ("frames", "frames/*.png", "clip.mp4")}
+    monkeypatch.chdir(tmp_path.parent)
+    assert {name: decoded(next(read(p, 1, 2))) for name, p in found.items()} == {
+        "frames": 4,
+        "frames/*.png": 4,
+        "clip.mp4": 1,
+    }
+    assert [p.kind for p in found.values()] == ["images", "images", "file"]
 
 
 # ------------------------------------------------------------------ images
@@ -164,33 +184,75 @@ def test_frames_of_a_folder_come_in_natural_order(tmp_path: Path) -> None:
 
 def test_grey_16_bit_and_alpha_become_8_bit_colour(tmp_path: Path) -> None:
     image = coded(21)
+    image[:, :80, 1] = np.arange(80)
     write(tmp_path / "a.png", cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
     write(tmp_path / "b.png", image.astype(np.uint16) * 257)
     write(tmp_path / "c.png", np.dstack([image, np.full(image.shape[:2], 9, np.uint8)]))
     a, b, c = read(probe(str(tmp_path), Video()), 0, 3)
     assert decoded(a) == 21
     assert a.shape == image.shape
-    np.testing.assert_allclose(b.astype(int), image, atol=1)
+    np.testing.assert_array_equal(b, image)
     np.testing.assert_array_equal(c, image)
 
 
-def test_exif_rotation_is_applied(tmp_path: Path) -> None:
+def test_16_bit_is_divided_by_257_and_rounded(tmp_path: Path) -> None:
+    values = np.arange(65536, dtype=np.uint16).reshape(256, 256)
+    for n in range(2):
+        write(tmp_path / f"{n}.png", values)
+    first = next(read(probe(str(tmp_path), Video()), 0, 1))
+    np.testing.assert_array_equal(first[..., 0], np.rint(values / 257).astype(np.uint8))
+
+
+def test_palette_two_levels_and_grey_with_alpha_are_read(tmp_path: Path) -> None:
+    image = Image.fromarray(coded(21)[..., ::-1].copy())
+    image.quantize(16).save(tmp_path / "0.png")
+    Image.fromarray(coded(21)[..., 0] > 128).save(tmp_path / "1.png")
+    image.convert("LA").save(tmp_path / "2.png")
+    assert [decoded(i) for i in read(probe(str(tmp_path), Video()), 0, 3)] == [21] * 3
+
+
+@pytest.mark.parametrize("kind", ["jpg", "png", "tif", "webp"])
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_exif_orientation_is_applied(kind: str, orientation: int, tmp_path: Path) -> None:
     for n in (1, 2):
         exif = Image.Exif()
-        exif[0x0112] = 6
-        Image.fromarray(coded(n)[..., ::-1]).save(tmp_path / f"{n}.jpg", exif=exif, quality=95)
+        exif[0x0112] = orientation
+        Image.fromarray(coded(n)[..., ::-1].copy()).save(tmp_path / f"{n}.{kind}", exif=exif, quality=95)
     looked = probe(str(tmp_path), Video())
-    assert (looked.width, looked.height) == (90, 160)
+    assert (looked.width, looked.height) == ((160, 90) if orientation < 5 else (90, 160))
+    with Image.open(tmp_path / f"1.{kind}") as image:
+        upright = np.asarray(ImageOps.exif_transpose(image).convert("RGB"))[..., ::-1]
     first = next(read(looked, 0, 1))
-    assert decoded(np.rot90(first)) == 1
+    assert np.abs(first.astype(int) - upright).mean() < 4
 
 
 def test_an_ignore_mask_is_true_where_the_image_is_not_zero(tmp_path: Path) -> None:
-    mask = np.zeros((90, 160), np.uint8)
-    mask[45:] = 7
-    found = read_ignore(str(write(tmp_path / "m.png", mask)), 30, 40)
-    assert found[16:].all()
-    assert not found[:14].any()
+    for n, mask in enumerate(
+        (
+            np.full((90, 160), 7, np.uint8),
+            np.full((90, 160), 1, np.uint16),
+            np.dstack([np.full((90, 160), 1, np.uint8), np.zeros((90, 160, 2), np.uint8)]),
+            np.dstack([np.full((90, 160, 3), 255, np.uint8), np.full((90, 160), 255, np.uint8)]),
+        )
+    ):
+        mask[:45, :, ...] = 255 if mask.shape[2:] == (4,) else 0
+        if mask.shape[2:] == (4,):
+            mask[:45, :, :3] = 0
+        path = str(write(tmp_path / f"{n}.png", mask))
+        found = read_ignore(path, 90, 160)
+        assert found[45:].all()
+        assert not found[:45].any()
+        small = read_ignore(path, 30, 40)
+        assert small.shape == (30, 40)
+        assert small[16:].all()
+        assert not small[:14].any()
+
+
+def test_an_ignore_mask_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    (tmp_path / "m.png").write_bytes(b"nothing")
+    for name in ("m.png", "none.png"):
+        with pytest.raises(SettingsError, match=rf"{name}: the ignore mask cannot be read"):
+            read_ignore(str(tmp_path / name), 9, 16)
 
 
 # ------------------------------------------------------------------ sources
@@ -290,9 +352,64 @@ def test_an_unreadable_image_is_named(tmp_path: Path) -> None:
         probe(str(tmp_path), Video())
 
 
-def test_a_start_behind_the_end_names_the_length(clips: Path) -> None:
-    with pytest.raises(SettingsError, match=r"leave 0 of its 40 frames \(1\.56 s\)"):
-        probe(str(clips / "b-frames.mp4"), Video(start="99"))
+@pytest.mark.parametrize("kind", ["jpg", "png", "bmp", "webp"])
+def test_an_image_that_is_cut_off_is_named_at_the_latest_when_it_is_read(kind: str, tmp_path: Path) -> None:
+    for n in range(3):
+        write(tmp_path / f"{n}.{kind}", coded(n))
+    whole = (tmp_path / f"1.{kind}").read_bytes()
+    (tmp_path / f"1.{kind}").write_bytes(whole[: len(whole) * 2 // 3])
+    with pytest.raises(VideoError, match=rf"1\.{kind}: cannot be read as an image"):
+        list(read(probe(str(tmp_path), Video()), 0, 3))
+
+
+def test_pixels_that_are_no_8_or_16_bit_are_refused(tmp_path: Path) -> None:
+    for n in range(2):
+        write(tmp_path / f"{n}.tif", coded(n).astype(np.float32) / 255)
+    with pytest.raises(VideoError, match=r"0\.tif: .*; replace it or take it out"):
+        next(read(probe(str(tmp_path), Video()), 0, 1))
+
+
+def test_an_image_that_vanished_or_changed_its_size_is_named(tmp_path: Path) -> None:
+    for n in range(2):
+        write(tmp_path / f"{n}.png", coded(n))
+    looked = probe(str(tmp_path), Video())
+    write(tmp_path / "0.png", coded(0, 80, 48))
+    (tmp_path / "1.png").unlink()
+    with pytest.raises(VideoError, match=r"0\.png: is 80 x 48, expected 160 x 90"):
+        next(read(looked, 0, 1))
+    with pytest.raises(VideoError, match=r"1\.png: cannot be read \(No such file"):
+        next(read(looked, 1, 2))
+
+
+def test_an_empty_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(VideoError, match=r"holds no frames; give a folder of images"):
+        probe(str(tmp_path), Video())
+
+
+def test_a_source_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(VideoError, match=r"none\.mp4: no such file or folder"):
+        probe(str(tmp_path / "none.mp4"), Video())
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ({"start": "99"}, r"video\.start = 99 is behind its 40 frames \(0 to 1\.56 s\)"),
+        ({"start": "40f"}, r"video\.start = 40f is behind its 40 frames"),
+        ({"start": "20f", "end": "0.2"}, r"video\.start = 20f is not before video\.end = 0\.2"),
+        ({"every": 40}, r"leave one of its 40 frames"),
+        ({"start": "39f"}, r"leave one of its 40 frames"),
+    ],
+)
+def test_limits_that_leave_no_two_frames_name_the_length(
+    limits: dict[str, object], words: str, clips: Path
+) -> None:
+    with pytest.raises(VideoError, match=words):
+        probe(str(clips / "b-frames.mp4"), Video(**limits))
+
+
+def test_an_end_behind_the_last_frame_is_the_last_frame(clips: Path) -> None:
+    assert len(probe(str(clips / "b-frames.mp4"), Video(end="1000f")).times) == COUNT
 
 
 def test_reading_in_order_decodes_each_frame_once(clips: Path, monkeypatch: pytest.MonkeyPatch) -> None:
