@@ -218,9 +218,6 @@ class Artifact:
         """Why a part is not usable, by its record and the sizes of its files; None where it is."""
         return checks.part_problem(self, part)
 
-    part_ok = part_problem
-    """The same: None is good."""
-
     def check(self, deep: bool = False) -> list[Damage]:
         """What is damaged: by sizes, or by content too (``deep``). Parts not computed yet are no damage."""
         return checks.check(self, deep)
@@ -237,8 +234,6 @@ class Artifact:
         from zsmoseg.stores.writer import PartWriter
 
         return PartWriter(self, part)
-
-    table_writer = writer
 
     def write(
         self,

@@ -136,10 +136,12 @@ class RunRecord:
         write_record(record.path, content)
         return record
 
-    def end(self, outcome: str, failures: Mapping[str, str]) -> None:
-        """Note how it ended."""
+    def end(self, outcome: str, failures: Mapping[str, str], traces: Mapping[str, str]) -> None:
+        """Note how it ended; ``traces`` of what nobody expected."""
         ended = datetime.now(UTC).isoformat(timespec="seconds")
         self.content |= {"outcome": outcome, "failures": dict(failures), "ended": ended}
+        if traces:
+            self.content["traces"] = dict(traces)
         write_record(self.path, self.content)
 
 

@@ -45,9 +45,6 @@ def garbage(store: Store, forget: Sequence[str] = ()) -> Garbage:
     return Garbage(paths, sum(files.size(path) or 0 for path in paths))
 
 
-gc = garbage
-
-
 def _reached(store: Store, forget: Sequence[str]) -> set[tuple[str, ...]]:
     """(video,) and (video, stage, key) of all that the runs which stay reach."""
     runs = run_ids(store)

@@ -90,6 +90,9 @@ def test_verify_finds_a_flipped_byte_and_exits_with_1(
     code, out, _ = say(["verify", "--store", str(tmp_path / "zsmoseg-store")], capsys)
     assert code == 1
     assert "has other content than was written" in out
+    assert main(["run", str(clip), "-o", str(tmp_path / "out"), *QUICK]) == 0
+    capsys.readouterr()
+    assert say(["verify", "--store", str(tmp_path / "zsmoseg-store")], capsys)[0] == 0
 
 
 def test_gc_removes_what_no_remembered_run_reaches(

@@ -155,7 +155,7 @@ def test_reading_past_the_end_is_an_error(store: Store) -> None:
 def test_a_part_written_bit_by_bit_holds_its_groups(store: Store) -> None:
     artifact = Artifact(store.path / "bits")
     artifact.begin({"stage": "objects"}, [(0, 10)])
-    with artifact.table_writer(0) as writer:
+    with artifact.writer(0) as writer:
         for shot in range(3):
             writer.put(f"{shot:03d}", {"area": np.arange(shot)})
         assert artifact.part(0) is None

@@ -7,7 +7,8 @@ import sys
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -67,6 +68,7 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
 
 
 def _run(job: Job) -> Outcome:
+    from zsmoseg.stores.files import full_disk_in_words
     from zsmoseg.stores.location import Store
     from zsmoseg.video import Probe
     from zsmoseg.workflows.stage import Task
@@ -81,7 +83,8 @@ def _run(job: Job) -> Outcome:
         Probe.from_json(described["probe"]), job.start, job.stop, _namespace(job.settings), inputs, job.out
     )
     if stage.output:
-        facts = dict(stage.task(task).facts)
+        with full_disk_in_words(Path(job.out)):
+            facts = dict(stage.task(task).facts)
         return Outcome("done", time.process_time() - clock, peak_memory_mb(), facts)
     artifact = store.artifact(job.video, job.stage, job.key)
     record = artifact.part(job.part)
@@ -116,8 +119,3 @@ def _namespace(settings: Mapping[str, Any]) -> SimpleNamespace:
 
     full = Settings.model_validate(dict(settings))
     return SimpleNamespace(**{section: getattr(full, section) for section in settings})
-
-
-def as_dict(outcome: Outcome) -> dict[str, Any]:
-    """For run records."""
-    return asdict(outcome)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from types import SimpleNamespace
 from typing import Any
 
@@ -241,16 +242,16 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
 
 
 def explain_plan(plans: Sequence[VideoPlan]) -> list[str]:
-    """The plan as lines: one per video, one per stage to do."""
+    """The plan as lines: one per video, one per stage to do; stages that share their reason share a line."""
     lines = []
     for plan in plans:
         done = [s.stage.name for s in plan.stages.values() if not s.todo]
         lines.append(f"{plan.name}: {len(plan.probe.times)} frames, {plan.todo} parts to do")
-        lines += [
-            f"  {s.stage.name:<11} {len(s.todo):>4} of {len(s.parts)} parts  {s.reason}"
-            for s in plan.stages.values()
-            if s.todo
-        ]
+        for reason, group in groupby((s for s in plan.stages.values() if s.todo), key=lambda s: s.reason):
+            stages = list(group)
+            names = ", ".join(s.stage.name for s in stages)
+            count = sum(len(s.todo) for s in stages)
+            lines.append(f"  {names} ({count} part{'' if count == 1 else 's'}): {reason}")
         if done:
             lines.append(f"  done: {', '.join(done)}")
     return lines

@@ -79,6 +79,7 @@ class Report:
     plans: list[VideoPlan]
     summaries: dict[str, dict[str, Any]] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
+    traces: dict[str, str] = field(default_factory=dict)
 
 
 def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[str, str]]:
@@ -150,13 +151,13 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
         busy = [plan for plan in plans if plan.todo]
         for plan in plans:
             if not plan.todo:
-                _finish(store, plan, request, report, watcher)
+                _finish(plan, request, report, watcher)
         if busy:
             with make_executor(scheduler, request.workers) as executor:
-                _drive(executor, store, busy, request, report, watcher)
+                _drive(executor, busy, request, report, watcher)
         state = "failed" if report.failures else "done"
     finally:
-        record.end(state, report.failures)
+        record.end(state, report.failures, report.traces)
     return report
 
 
@@ -193,7 +194,6 @@ def prepare(store: Store, plan: VideoPlan) -> None:
 
 def _drive(
     executor: Executor,
-    store: Store,
     plans: Sequence[VideoPlan],
     request: Request,
     report: Report,
@@ -221,11 +221,13 @@ def _drive(
         _note(video, job, outcome, watcher)
         if not video.left:
             executor.release(video.names)
+            if video.trace:
+                report.traces[video.plan.name] = video.trace
             if video.failure:
                 report.failures[video.plan.name] = video.failure
                 watcher.failed(video.plan.name, video.failure)
             else:
-                _finish(store, video.plan, request, report, watcher)
+                _finish(video.plan, request, report, watcher)
             more()
 
 
@@ -237,6 +239,7 @@ class _Running:
     left: dict[str, Job]
     names: list[str] = field(default_factory=list)
     failure: str = ""
+    trace: str = ""
 
 
 def _note(video: _Running, job: Job, outcome: Outcome, watcher: Watcher) -> None:
@@ -247,6 +250,7 @@ def _note(video: _Running, job: Job, outcome: Outcome, watcher: Watcher) -> None
             f"{plan.source}: {job.stage}, frames {job.start} to {job.stop - 1}: {outcome.error} "
             "(what was finished is kept; the same command goes on from there)"
         )
+        video.trace = outcome.trace
     if outcome.state == "done":
         if stage.stage.output:
             plan.output.add((outcome.facts or {})["files"], stage.key)
@@ -281,16 +285,25 @@ def jobs(request: Request, plan: VideoPlan, index: int) -> Iterator[tuple[Job, l
             yield job, before, place - len(STAGES) * index
 
 
-def _finish(store: Store, plan: VideoPlan, request: Request, report: Report, watcher: Watcher) -> None:
+def _finish(plan: VideoPlan, request: Request, report: Report, watcher: Watcher) -> None:
     """Seal what is complete; clear and describe the output folder."""
+    try:
+        summary = _seal(plan, request)
+    except ZsmosegError as error:
+        report.failures[plan.name] = str(error)
+        watcher.failed(plan.name, str(error))
+        return
+    if summary is not None:
+        report.summaries[plan.name] = summary
+    watcher.finished(plan, summary)
+
+
+def _seal(plan: VideoPlan, request: Request) -> dict[str, Any] | None:
     for stage in plan.stages.values():
         if stage.artifact is not None and stage.artifact.done is None:
             stage.artifact.seal()
-    summary = None
-    if any(stage.stage.output for stage in plan.stages.values()):
-        summary = write_summary(plan, request.settings)
-        report.summaries[plan.name] = summary
-    watcher.finished(plan, summary)
+    outputs = any(stage.stage.output for stage in plan.stages.values())
+    return write_summary(plan, request.settings) if outputs else None
 
 
 def dry_run(request: Request) -> list[str]:

@@ -13,12 +13,15 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Name every file that is missing, of wrong size or of wrong content; 1 if there is one."""
+    """Name every file that is missing, of wrong size or of wrong content; 1 if there is one.
+
+    The records of damaged parts are taken back, so that the next run computes them again.
+    """
     from zsmoseg.stores.location import Store
-    from zsmoseg.stores.upkeep import verify
+    from zsmoseg.stores.upkeep import take_back
 
     store = Store.open(store_path(options.store), create=False)
-    damages = verify(store)
+    damages = take_back(store)
     for damage in damages:
         print(f"{damage.path}: {damage.what}")
     if damages:
