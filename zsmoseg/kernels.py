@@ -96,11 +96,14 @@ def connected(cluster: Array, smallest: int) -> Array:
 
 
 @nb.njit(cache=True)
-def measure_frame(segment: Array, count: int, lab: Array, valid: Array) -> tuple[Array, Array]:
-    """Per superpixel what ``ChunkTables.node`` holds, and the key of every step across a boundary."""
+def measure_frame(
+    segment: Array, count: int, lab: Array, texture: Array, valid: Array
+) -> tuple[Array, Array, Array]:
+    """Per superpixel what ``ChunkTables.node`` holds, and both sides of every step across a boundary."""
     height, width = segment.shape
-    node = np.zeros((count, 7), np.float64)
-    keys, n = np.empty(2 * height * width, np.int64), 0
+    node = np.zeros((count, 8), np.float64)
+    first, second = np.empty(2 * height * width, np.int64), np.empty(2 * height * width, np.int64)
+    n = 0
     for y in range(height):
         for x in range(width):
             if not valid[y, x]:
@@ -114,67 +117,69 @@ def measure_frame(segment: Array, count: int, lab: Array, valid: Array) -> tuple
             node[k, 5] += lab[y, x, 2]
             if y < 2 or x < 2 or y >= height - 2 or x >= width - 2:
                 node[k, 6] += 1
+            node[k, 7] += texture[y, x]
             if x + 1 < width and valid[y, x + 1] and segment[y, x + 1] != k:
-                other = np.int64(segment[y, x + 1])
-                keys[n] = min(k, other) * count + max(k, other)
+                first[n], second[n] = min(k, segment[y, x + 1]), max(k, segment[y, x + 1])
                 n += 1
             if y + 1 < height and valid[y + 1, x] and segment[y + 1, x] != k:
-                other = np.int64(segment[y + 1, x])
-                keys[n] = min(k, other) * count + max(k, other)
+                first[n], second[n] = min(k, segment[y + 1, x]), max(k, segment[y + 1, x])
                 n += 1
     for k in range(count):
-        for j in range(1, 6):
+        for j in (1, 2, 3, 4, 5, 7):
             node[k, j] /= max(node[k, 0], 1)
-    return node, keys[:n]
+    return node, first[:n], second[:n]
 
 
 @nb.njit(cache=True)
 def measure_direction(
-    segment: Array, count: int, other: Array, flow: Array, reverse: Array, camera: Array, valid: Array
-) -> tuple[Array, Array]:
-    """Per superpixel what ``ChunkTables.forth`` holds, and the key of the link of every carried pixel."""
+    segment: Array, count: int, other: Array, flow: Array, reverse: Array, valid: Array
+) -> tuple[Array, Array, Array]:
+    """Per superpixel what ``ChunkTables.forth`` holds, and both ends of the path of every carried pixel."""
     height, width = segment.shape
-    others = np.int64(other.max()) + 1
-    out, pixels = np.zeros((count, 4), np.float64), np.zeros(count, np.float64)
-    keys, n = np.empty(height * width, np.int64), 0
+    out, pixels = np.zeros((count, 3), np.float64), np.zeros(count, np.float64)
+    first, second = np.empty(height * width, np.int64), np.empty(height * width, np.int64)
+    n = 0
     for y in range(height):
-        yn = (y - height / 2) / (width / 2)
         for x in range(width):
             if not valid[y, x]:
                 continue
-            xn = (x - width / 2) / (width / 2)
             u, v = flow[0, y, x], flow[1, y, x]
-            c = camera
-            ru = u - (
-                c[0, 0]
-                + c[1, 0] * xn
-                + c[2, 0] * yn
-                + c[3, 0] * xn * xn
-                + c[4, 0] * xn * yn
-                + c[5, 0] * yn * yn
-            )
-            rv = v - (
-                c[0, 1]
-                + c[1, 1] * xn
-                + c[2, 1] * yn
-                + c[3, 1] * xn * xn
-                + c[4, 1] * xn * yn
-                + c[5, 1] * yn * yn
-            )
-            tx, ty, k = int(np.rint(x + u)), int(np.rint(y + v)), segment[y, x]
+            tx, ty, k = int(np.rint(x + u)), int(np.rint(y + v)), np.int64(segment[y, x])
             cx, cy = min(max(tx, 0), width - 1), min(max(ty, 0), height - 1)
             out[k, 0] += u
             out[k, 1] += v
-            out[k, 2] += np.sqrt(ru * ru + rv * rv)
-            out[k, 3] += np.sqrt((u + reverse[0, cy, cx]) ** 2 + (v + reverse[1, cy, cx]) ** 2)
+            out[k, 2] += np.sqrt((u + reverse[0, cy, cx]) ** 2 + (v + reverse[1, cy, cx]) ** 2)
             pixels[k] += 1
             if tx == cx and ty == cy and valid[ty, tx]:
-                keys[n] = np.int64(k) * others + other[ty, tx]
+                first[n], second[n] = k, other[ty, tx]
                 n += 1
     for k in range(count):
-        for j in range(4):
+        for j in range(3):
             out[k, j] /= max(pixels[k], 1)
-    return out, keys[:n]
+    return out, first[:n], second[:n]
+
+
+@nb.njit(cache=True)
+def count_pairs(first: Array, second: Array, count: int) -> tuple[Array, Array]:
+    """The different pairs in order, and how often each is there; ``first`` is below ``count``."""
+    start = np.zeros(count + 1, np.int64)
+    for k in first:
+        start[k + 1] += 1
+    start = np.cumsum(start)
+    place, sorted_ = start[:-1].copy(), np.empty(len(first), np.int64)
+    for k in range(len(first)):
+        sorted_[place[first[k]]] = second[k]
+        place[first[k]] += 1
+    pairs, times = np.empty((len(first), 2), np.int64), np.zeros(len(first), np.int64)
+    n = 0
+    for i in range(count):
+        run = np.sort(sorted_[start[i] : start[i + 1]])
+        for k in range(len(run)):
+            if k == 0 or run[k] != run[k - 1]:
+                pairs[n, 0], pairs[n, 1] = i, run[k]
+                n += 1
+            times[n - 1] += 1
+    return pairs[:n], times[:n]
 
 
 @nb.njit(cache=True)
@@ -263,3 +268,122 @@ def measure_pieces_of(slot: Array, lab: Array, colour: Array) -> tuple[Array, Ar
                 box[n, 0], box[n, 2] = min(box[n, 0], x), max(box[n, 2], x + 1)
                 box[n, 3] = y + 1
     return area, box
+
+
+@nb.njit(cache=True)
+def fit_quadratic(
+    offset: Array, basis: Array, flow: Array, weight: Array, rounds: int, least: float
+) -> Array:
+    """Robust fit of flow (n, 2) by a basis (n, 6) in each frame: factors (frames, 6, 2)."""
+    frames = len(offset) - 1
+    fields = np.zeros((frames, 6, 2))
+    for t in range(frames):
+        rows = range(offset[t], offset[t + 1])
+        current = weight[offset[t] : offset[t + 1]].copy()
+        residual = np.zeros(len(current))
+        for _ in range(rounds):
+            normal, right = np.zeros((6, 6)), np.zeros((6, 2))
+            for k in rows:
+                w = current[k - offset[t]]
+                for i in range(6):
+                    for j in range(i + 1):
+                        normal[i, j] += w * basis[k, i] * basis[k, j]
+                    right[i, 0] += w * basis[k, i] * flow[k, 0]
+                    right[i, 1] += w * basis[k, i] * flow[k, 1]
+            for i in range(6):
+                for j in range(i):
+                    normal[j, i] = normal[i, j]
+            ridge = 1e-5 * normal[0, 0] + 1e-6
+            for i in range(6):
+                normal[i, i] += ridge
+            fields[t] = np.linalg.solve(normal, right)
+            for k in rows:
+                u, v = flow[k, 0], flow[k, 1]
+                for i in range(6):
+                    u -= basis[k, i] * fields[t, i, 0]
+                    v -= basis[k, i] * fields[t, i, 1]
+                residual[k - offset[t]] = np.sqrt(u * u + v * v)
+            original = weight[offset[t] : offset[t + 1]]
+            scale = max(1.4826 * _weighted_median(residual, original), least)
+            for k in range(len(current)):
+                current[k] = original[k] / (1 + (residual[k] / scale) ** 2) ** 2
+    return fields
+
+
+@nb.njit(cache=True)
+def _weighted_median(x: Array, weight: Array) -> float:
+    """By bisection, to a millionth of the largest."""
+    low, high, half = 0.0, 0.0, 0.0
+    for k in range(len(x)):
+        high = max(high, x[k])
+        half += weight[k] / 2
+    for _ in range(20):
+        middle, below = (low + high) / 2, 0.0
+        for k in range(len(x)):
+            if x[k] <= middle:
+                below += weight[k]
+        if below < half:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@nb.njit(cache=True)
+def conjugate_gradients(
+    start: Array, index: Array, weight: Array, trust: Array, x: Array, strength: float, goal: float, most: int
+) -> Array:
+    """Both columns z (n, 2) of (trust + strength (D - W)) z = trust x, W in compressed rows, D its row sums."""
+    n, s = len(x), np.float32(strength)
+    diagonal, z = np.empty(n, np.float32), x.copy()
+    rest, step, image = np.empty_like(x), np.empty_like(x), np.empty_like(x)
+    goal0, goal1, rz0, rz1, rr0, rr1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(n):
+        degree, a0, a1 = np.float32(0), np.float32(0), np.float32(0)
+        for k in range(start[i], start[i + 1]):
+            degree += weight[k]
+            a0 += weight[k] * z[index[k], 0]
+            a1 += weight[k] * z[index[k], 1]
+        diagonal[i] = trust[i] + s * degree
+        t0, t1 = trust[i] * x[i, 0], trust[i] * x[i, 1]
+        goal0 += goal * goal * t0 * t0
+        goal1 += goal * goal * t1 * t1
+        rest[i, 0], rest[i, 1] = t0 - diagonal[i] * z[i, 0] + s * a0, t1 - diagonal[i] * z[i, 1] + s * a1
+        step[i, 0], step[i, 1] = rest[i, 0] / diagonal[i], rest[i, 1] / diagonal[i]
+        rz0 += rest[i, 0] * step[i, 0]
+        rz1 += rest[i, 1] * step[i, 1]
+        rr0 += rest[i, 0] ** 2
+        rr1 += rest[i, 1] ** 2
+    for _ in range(most):
+        if rr0 <= goal0 and rr1 <= goal1:
+            break
+        pap0, pap1 = 0.0, 0.0
+        for i in range(n):
+            a0, a1 = np.float32(0), np.float32(0)
+            for k in range(start[i], start[i + 1]):
+                w, j = weight[k], index[k]
+                a0 += w * step[j, 0]
+                a1 += w * step[j, 1]
+            b0, b1 = diagonal[i] * step[i, 0] - s * a0, diagonal[i] * step[i, 1] - s * a1
+            image[i, 0], image[i, 1] = b0, b1
+            pap0 += step[i, 0] * b0
+            pap1 += step[i, 1] * b1
+        c0 = np.float32(rz0 / pap0) if pap0 > 0 else np.float32(0)
+        c1 = np.float32(rz1 / pap1) if pap1 > 0 else np.float32(0)
+        new0, new1, rr0, rr1 = 0.0, 0.0, 0.0, 0.0
+        for i in range(n):
+            z[i, 0] += c0 * step[i, 0]
+            z[i, 1] += c1 * step[i, 1]
+            r0, r1 = rest[i, 0] - c0 * image[i, 0], rest[i, 1] - c1 * image[i, 1]
+            rest[i, 0], rest[i, 1] = r0, r1
+            new0 += r0 * r0 / diagonal[i]
+            new1 += r1 * r1 / diagonal[i]
+            rr0 += r0 * r0
+            rr1 += r1 * r1
+        h0 = np.float32(new0 / rz0) if rz0 > 0 else np.float32(0)
+        h1 = np.float32(new1 / rz1) if rz1 > 0 else np.float32(0)
+        rz0, rz1 = new0, new1
+        for i in range(n):
+            step[i, 0] = rest[i, 0] / diagonal[i] + h0 * step[i, 0]
+            step[i, 1] = rest[i, 1] / diagonal[i] + h1 * step[i, 1]
+    return z

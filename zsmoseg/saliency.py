@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg import settings
+from zsmoseg import kernels, settings
 from zsmoseg.appearance import vote
 from zsmoseg.spacetime import (
     ERROR,
-    RESIDUAL,
     Floats,
     Window,
     colour_distance,
@@ -29,7 +28,7 @@ from zsmoseg.spacetime import (
 from zsmoseg.tables import ChunkTables
 from zsmoseg.tracking import Ids, Tracker
 
-LENGTH = 240
+LENGTH = 160
 """Frames that are decided on at once."""
 MARGIN = 30
 """Frames beyond the window of the threshold that are looked at on both sides of them."""
@@ -101,18 +100,27 @@ class Verdict:
 
 
 def judge(w: Window, s: settings.Objects) -> Verdict:
-    """Value of every node and score of every frame of a window."""
+    """Value of every node and score of every frame of a window.
+
+    The camera's motion is fitted twice: to everything, then to what has not turned out to be foreground. So a
+    thing that fills most of a frame does not pass for the background where the frames around know it.
+    """
     weight = similarity(w, s.link_colour, s.link_time)
-    trust = np.where(w.known[w.frame], 1.0, 1e-3)
-    residual = camera_residual(w)
-    moving = motion(w, residual, s)
-    x = diffuse(weight, moving, s.spread, trust)
-    clean = moving * cleanness(w, residual, s)
-    x *= persistence(w, x, diffuse(weight, clean, s.spread, trust), s)
+    trust = np.maximum(w.texture / (w.texture + s.trust_texture**2), s.trust_least)
+    trust = np.where(w.known[w.frame], trust, 1e-3)
+    parted = 1 - np.exp(-from_border(w, colour_distance(w, w.edge), np.zeros(len(w.frame))) / s.border_colour)
     contrast = boundary_contrast(w, s)
+    moving = motion(w, camera_residual(w, w.size, s), s) * parted
+    x = diffuse(weight, moving, s.spread, trust, 1e-2)
+    soft = _soft(w, x, thresholds(w, x, contrast, s), s)
+    residual = camera_residual(w, w.size * (1 - soft), s)
+    moving = motion(w, residual, s) * parted
+    both = np.stack([moving, moving * cleanness(w, residual, s)], 1)
+    x, clean = diffuse(weight, both, s.spread, trust).T
+    x = x * persistence(w, x, clean, s)
     threshold = thresholds(w, x, contrast, s)
     score = np.clip((threshold - s.threshold) / (s.threshold_sure - s.threshold), 0, 1)
-    soft = 1 / (1 + np.exp(-_logit(w, x, threshold, s)))
+    soft = _soft(w, x, threshold, s)
     x = diffuse(weight, (soft + vote(w, soft, s)) / 2, s.spread)
     return Verdict(_logit(w, x, thresholds(w, x, contrast, s), s), score)
 
@@ -121,21 +129,37 @@ def _logit(w: Window, x: Floats, threshold: Floats, s: settings.Objects) -> Floa
     return np.asarray(np.log(np.maximum(x, 1e-4) / threshold[w.frame]) / s.softness)
 
 
-def camera_residual(w: Window) -> Floats:
-    """(nodes) residual of the camera's motion, px: mean of both directions, each over 1 + error^2."""
-    one, two = 1 / (1 + w.forth[:, ERROR] ** 2), 1 / (1 + w.back[:, ERROR] ** 2)
-    return (one * w.forth[:, RESIDUAL] + two * w.back[:, RESIDUAL]) / (one + two)
+def _soft(w: Window, x: Floats, threshold: Floats, s: settings.Objects) -> Floats:
+    return np.asarray(1 / (1 + np.exp(-_logit(w, x, threshold, s))))
+
+
+def camera_residual(w: Window, weight: Floats, s: settings.Objects) -> Floats:
+    """(nodes) how far the motion is from the camera's, px: mean of both directions, each over 1 + error^2.
+
+    The camera's motion is a quadratic field, fitted in each frame and direction to the nodes with a ``weight``
+    (nodes) by iteratively re-weighted least squares: weights over (1 + (r / scale)^2)^2, scale = 1.48 median of
+    the residuals r and at least 0.1 px.
+    """
+    height, width = w.shape
+    y, x = ((w.place - [height / 2, width / 2]) / (width / 2)).T
+    basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 1)
+    total, reliable = np.zeros(len(x)), np.zeros(len(x))
+    for flow in (w.forth, w.back):
+        field = kernels.fit_quadratic(w.offset, basis, flow, weight, s.camera_rounds, 0.1)
+        residual = flow[:, :2] - np.einsum("nk,nkc->nc", basis, field[w.frame])
+        one = 1 / (1 + flow[:, ERROR] ** 2)
+        total += one * np.hypot(*residual.T)
+        reliable += one
+    return total / reliable
 
 
 def motion(w: Window, residual: Floats, s: settings.Objects) -> Floats:
-    """(nodes) 0 to 1: moves unlike the camera, and is parted from the border of the frame by motion and colour."""
+    """(nodes) 0 to 1: moves unlike the camera, and is parted from the border of the frame by motion."""
     i, j = w.edge.T
     forth = np.linalg.norm(w.forth[i, :2] - w.forth[j, :2], axis=1)
     back = np.linalg.norm(w.back[i, :2] - w.back[j, :2], axis=1)
     closed = from_border(w, np.maximum((forth + back) / 2 - s.flow_noise, 0), s.border_entry * residual)
-    parted = from_border(w, colour_distance(w, w.edge), np.zeros(len(w.frame)))
-    moves = np.sqrt(relative(w, residual, s) * relative(w, closed, s))
-    return np.asarray(moves * (1 - np.exp(-parted / s.border_colour)))
+    return np.sqrt(relative(w, residual, s) * relative(w, closed, s))
 
 
 def relative(w: Window, x: Floats, s: settings.Objects) -> Floats:
@@ -159,17 +183,25 @@ def cleanness(w: Window, residual: Floats, s: settings.Objects) -> Floats:
 def persistence(w: Window, x: Floats, clean: Floats, s: settings.Objects) -> Floats:
     """(nodes) weight 0 to 1 of the saliency ``x``, of which ``clean`` comes from flow that closes.
 
-    Spray, waves and smoke form and dissolve, so their flow does not close. That counts against them only where
-    something else that moves in the frames around is clean: the flow of thin and fast things does not close either.
+    Spray, waves and smoke form and dissolve, so their flow does not close; nor does that of thin and fast things
+    and of the rims of all things. So this counts only where, over the frames around, something that moves is
+    clean and most of what seems to move is not.
     """
     share = np.clip(clean / np.maximum(x, 1e-6), 0, 1)
     bins = s.threshold_bins
     key = w.frame * bins + np.minimum((share * bins).astype(np.int64), bins - 1)
-    count = np.bincount(key, w.size * x**2, w.frames * bins).reshape(w.frames, bins)
+    count = np.bincount(key, w.size * x**2, w.frames * bins).reshape(w.frames, bins).astype(np.float64)
     count = np.cumsum(windowed(count, s.window), 1)
-    best = ((count < s.clean_top * count[:, -1:]).sum(1) + 0.5) / bins
-    demand = np.clip((best - s.clean_from) / (s.clean_full - s.clean_from), 0, 1)
+    total = count[:, -1:]
+    best = ((count < s.clean_top * total).sum(1) + 0.5) / bins
+    half = np.minimum((best * s.clean_half * bins).astype(np.int64), bins - 1)
+    unclean = count[np.arange(w.frames), half] / np.maximum(total[:, 0], 1e-9)
+    demand = _ramp(best, s.clean_from, s.clean_full) * _ramp(unclean, s.unclean_from, s.unclean_full)
     return np.asarray(np.minimum(share / best[w.frame], 1) ** (s.clean_power * demand[w.frame]))
+
+
+def _ramp(x: Floats, low: float, high: float) -> Floats:
+    return np.asarray(np.clip((x - low) / max(high - low, 1e-9), 0, 1))
 
 
 def boundary_contrast(w: Window, s: settings.Objects) -> Floats:

@@ -112,7 +112,7 @@ class Depth(Section):
 class Segments(Section):
     """Superpixels of the embedded default."""
 
-    pitch: float = setting(11.5, "distance of the superpixels", "px", ge=4, le=64)
+    pitch: float = setting(7.5, "distance of the superpixels", "px", ge=4, le=64)
     compactness: float = setting(10.0, "weight of place against colour", gt=0)
     passes: int = setting(2, "passes over the frame", ge=1, le=20)
 
@@ -120,8 +120,9 @@ class Segments(Section):
 class Tables(Section):
     """What is measured on the superpixels and between them."""
 
-    ego_stride: int = setting(12, "sampling of the fit of the camera's motion", "px", ge=1, le=64)
-    ego_rounds: int = setting(8, "re-weighted rounds of that fit", ge=1, le=100)
+    link_least: int = setting(
+        2, "pixels that the flow must carry, both ways, to link two superpixels", "px", ge=1
+    )
 
 
 class Objects(Section):
@@ -133,7 +134,7 @@ class Objects(Section):
     flow_noise: float = setting(0.1, "steps of the flow below this are no boundary", "px", ge=0)
     border_entry: float = setting(0.3, "cost of entering at the border per px of residual", ge=0)
     border_colour: float = setting(
-        15.0, "colour path from the border that counts 63 % as closed", "Lab", gt=0
+        23.0, "colour path from the border that counts 63 % as closed", "Lab", gt=0
     )
     clean_error: float = setting(
         0.05, "error forth and back per px of motion at which it counts half as clean", gt=0
@@ -142,9 +143,19 @@ class Objects(Section):
     clean_top: float = setting(
         0.9, "quantile of the cleanness of what moves that stands for the cleanest", gt=0, le=1
     )
-    clean_from: float = setting(0.93, "cleanest up to which no cleanness is demanded", ge=0, le=1)
-    clean_full: float = setting(0.97, "cleanest from which all of it is demanded", ge=0, le=1)
+    clean_from: float = setting(0.85, "cleanest up to which no cleanness is demanded", ge=0, le=1)
+    clean_full: float = setting(0.95, "cleanest from which all of it is demanded", ge=0, le=1)
+    clean_half: float = setting(0.6, "share of the cleanest below which a thing is unclean", gt=0, le=1)
+    unclean_from: float = setting(
+        0.4, "unclean part of what moves up to which nothing is demanded", ge=0, le=1
+    )
+    unclean_full: float = setting(0.6, "unclean part from which cleanness is demanded", ge=0, le=1)
     clean_power: float = setting(1.5, "exponent of the demand", ge=0)
+    trust_texture: float = setting(
+        2.0, "slope of the grey level at which motion is half trusted", "grey levels / px", gt=0
+    )
+    trust_least: float = setting(0.05, "trust where there is no texture", gt=0, le=1)
+    camera_rounds: int = setting(8, "re-weighted rounds of the fit of the camera's motion", ge=1, le=100)
     link_colour: float = setting(2.5, "colour distance at which a link loses 63 %", "Lab", gt=0)
     link_time: float = setting(10.0, "weight of links in time against links in space", gt=0)
     spread: float = setting(10.0, "strength of the diffusion along the links", ge=0)
@@ -243,8 +254,10 @@ class Groups(Section):
     noise_area: float = setting(
         100.0, "correlation area of flow noise: about a patch of the flow", "px^2", ge=0
     )
-    same: float = setting(1.5, "two movers move together below this many yardsticks ...", ge=0)
-    same_own: float = setting(0.35, "... plus this part of their own residual: limbs are not rigid", ge=0)
+    same: float = setting(
+        0.05, "two movers move together if one motion for both costs less than this ...", "px", ge=0
+    )
+    same_own: float = setting(0.8, "... plus this part of their own residual: limbs are not rigid", ge=0)
     share: float = setting(0.02, "pixels of the largest mover that make a group of its own", ge=0, le=1)
     frames: int = setting(2, "fewer pairs than this prove nothing", "pairs", ge=1)
     weak: float = setting(0.5, "part of the threshold above which a hidden thing may come back", ge=0, le=1)

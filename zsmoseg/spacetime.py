@@ -9,13 +9,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
+from zsmoseg import kernels
 from zsmoseg.tables import REPEAT, ChunkTables
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-RESIDUAL, ERROR = 2, 3
-"""Columns of ``Window.forth`` and ``Window.back``."""
+ERROR = 2
+"""Column of ``Window.forth`` and ``Window.back``."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class Window:
     """(nodes, 3) L, a, b."""
     rim: NDArray[np.bool_]
     """(nodes) whether it touches the border of the frame."""
+    texture: Floats
+    """(nodes) mean square of the slope of the grey level, per px."""
     edge_offset: Ints
     """(F + 1) first edge of each frame."""
     edge: Ints
@@ -50,9 +53,9 @@ class Window:
     carried: Floats
     """(links) pixels carried, both ways, each over 1 + error^2."""
     forth: Floats
-    """(nodes, 4) as in ``ChunkTables``; where there is none, ``back`` turned around."""
+    """(nodes, 3) as in ``ChunkTables``; where there is none, ``back`` turned around."""
     back: Floats
-    """(nodes, 4) the same, towards the frame before."""
+    """(nodes, 3) the same, towards the frame before."""
     known: NDArray[np.bool_]
     """(F) whether a frame has any flow at all: not so between two repeats."""
 
@@ -84,13 +87,13 @@ def window(tables: ChunkTables, start: int, shape: tuple[int, int]) -> Window:
     node = tables.node.astype(np.float64)
     moved = tables.state != REPEAT
     has_next, has_last = np.r_[moved, False], np.r_[False, moved]
-    forth, back = np.zeros((len(node), 4)), np.zeros((len(node), 4))
+    forth, back = np.zeros((len(node), 3)), np.zeros((len(node), 3))
     forth[: len(tables.forth)] = tables.forth
     back[len(back) - len(tables.back) :] = tables.back
     pair = np.repeat(np.arange(frames - 1), np.diff(tables.link_offset))
     link = tables.link.astype(np.int64) + np.stack([offset[pair], offset[pair + 1]], 1)
     reliable = 1 / (1 + np.stack([forth[link[:, 0], ERROR], back[link[:, 1], ERROR]], 1) ** 2)
-    turned = np.array([-1, -1, 1, 1])
+    turned = np.array([-1, -1, 1])
     forward, backward = has_next[frame, None], has_last[frame, None]
     edge_frame = np.repeat(np.arange(frames), np.diff(tables.edge_offset))
     return Window(
@@ -102,6 +105,7 @@ def window(tables: ChunkTables, start: int, shape: tuple[int, int]) -> Window:
         place=node[:, 1:3],
         colour=node[:, 3:6],
         rim=node[:, 6] > 0,
+        texture=node[:, 7],
         edge_offset=tables.edge_offset,
         edge=tables.edge.astype(np.int64) + offset[edge_frame, None],
         boundary=tables.boundary.astype(np.float64),
@@ -155,7 +159,7 @@ def similarity(w: Window, colour: float, time: float) -> sp.csr_array:
 
 
 def diffuse(
-    weight: sp.csr_array, x: Floats, strength: float, trust: Floats | None = None, tolerance: float = 1e-5
+    weight: sp.csr_array, x: Floats, strength: float, trust: Floats | None = None, tolerance: float = 1e-3
 ) -> Floats:
     """The z that minimises sum trust (z - x)^2 + strength z' (D - W) z.
 
@@ -166,27 +170,17 @@ def diffuse(
     weight
         W (n, n), symmetric; D is the diagonal of its row sums.
     x
-        (n).
+        (n), or (n, 2) for two at once.
     trust
         (n) above 0; 1 where it is not given.
     """
-    data = np.ones(len(x)) if trust is None else trust
-    diagonal = data + strength * np.asarray(weight.sum(1)).ravel()
-    z, target = x.copy(), data * x
-    residual = target - (diagonal * z - strength * (weight @ z))
-    direction = residual / diagonal
-    product, goal = residual @ direction, tolerance * np.linalg.norm(target)
-    for _ in range(200):
-        if np.linalg.norm(residual) <= goal:
-            break
-        image = diagonal * direction - strength * (weight @ direction)
-        step = product / (direction @ image)
-        z += step * direction
-        residual -= step * image
-        scaled = residual / diagonal
-        new = residual @ scaled
-        direction, product = scaled + new / product * direction, new
-    return z
+    data = np.ones(len(x), np.float32) if trust is None else trust.astype(np.float32)
+    columns = np.zeros((len(x), 2), np.float32)
+    columns[:, : x[0].size if len(x) else 1] = x.reshape(len(x), -1)
+    z = kernels.conjugate_gradients(
+        weight.indptr, weight.indices, weight.data.astype(np.float32), data, columns, strength, tolerance, 200
+    )
+    return z[:, : x[0].size].reshape(x.shape).astype(np.float64)
 
 
 def windowed(rows: Floats, radius: int) -> Floats:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,7 +32,8 @@ class ChunkTables:
     node_offset: NDArray[np.int64]
     """(F + 1) into ``node``, and into ``forth``, which lacks the last frame where P = F - 1."""
     node: NDArray[np.float32]
-    """(nodes, 7) size in px without ignored ones, mean y, x, L, a, b, pixels within 2 px of the frame's border."""
+    """(nodes, 8) size in px without ignored ones, mean y, x, L, a, b, pixels within 2 px of the frame's border,
+    texture: mean square of the slope of the grey level, per px."""
     edge_offset: NDArray[np.int64]
     """(F + 1) into ``edge`` and ``boundary``."""
     edge: NDArray[np.uint16]
@@ -41,11 +43,11 @@ class ChunkTables:
     state: NDArray[np.uint8]
     """(P) index into ``STATES``; a cut has no links and zero flow."""
     forth: NDArray[np.float32]
-    """(nodes, 4) of a pair's first frame: mean flow x, y, residual of the camera's motion, forth-and-back error, px."""
+    """(nodes, 3) of a pair's first frame: mean flow x, y, mean error forth and back, px."""
     back_offset: NDArray[np.int64]
     """(P + 1) into ``back``."""
     back: NDArray[np.float32]
-    """(nodes, 4) the same of a pair's second frame, towards the first."""
+    """(nodes, 3) the same of a pair's second frame, towards the first."""
     link_offset: NDArray[np.int64]
     """(P + 1) into ``link`` and ``carried``."""
     link: NDArray[np.uint16]
@@ -125,34 +127,41 @@ def chunk_tables(
     counts = [int(segment.max()) + 1 for segment in segments]
     node, edge, boundary = [], [], []
     for frame, segment, count in zip(frames[:length], segments, counts, strict=False):
-        nodes, pairs = kernels.measure_frame(segment, count, lab(frame), valid)
-        first, second, lengths = _count(pairs, count, count)
+        nodes, first, second = kernels.measure_frame(segment, count, lab(frame), texture(frame), valid)
+        pairs, lengths = kernels.count_pairs(first, second, count)
         node.append(nodes)
-        edge.append(np.stack([first, second], 1))
+        edge.append(pairs)
         boundary.append(lengths)
     forth, back, link, carried = [], [], [], []
     for m, state in enumerate(states):
         one = _Side(segments[m], counts[m], forward[m])
         two = _Side(segments[m + 1], counts[m + 1], backward[m])
-        there, back_again, links, pixels = _pair(one, two, state, valid, s)
+        there, back_again, links, pixels = _pair(one, two, state, valid, s.link_least)
         forth.append(there)
         back.append(back_again)
         link.append(links)
         carried.append(pixels)
     return ChunkTables(
         node_offset=_offsets(node),
-        node=_stack(node, 7, np.float32),
+        node=_stack(node, 8, np.float32),
         edge_offset=_offsets(edge),
         edge=_stack(edge, 2, np.uint16),
         boundary=np.concatenate(boundary).astype(np.int32),
         state=np.array([STATES.index(state) for state in states], np.uint8),
-        forth=_stack(forth, 4, np.float32),
+        forth=_stack(forth, 3, np.float32),
         back_offset=_offsets(back),
-        back=_stack(back, 4, np.float32),
+        back=_stack(back, 3, np.float32),
         link_offset=_offsets(link),
         link=_stack(link, 2, np.uint16),
         carried=_stack(carried, 2, np.int32),
     )
+
+
+def texture(frame: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """(h, w) squared slope of the grey level of a frame (h, w, 3), half of it from either direction, per px."""
+    grey = cv2.GaussianBlur(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), (3, 3), 0)
+    x, y = (cv2.Sobel(grey, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1)))
+    return np.asarray((x * x + y * y) / 2, np.float32)
 
 
 def _offsets(parts: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
@@ -173,71 +182,22 @@ class _Side:
 
 
 def _pair(
-    one: _Side, two: _Side, state: PairState, valid: NDArray[np.bool_], s: settings.Tables
+    one: _Side, two: _Side, state: PairState, valid: NDArray[np.bool_], least: int
 ) -> tuple[NDArray[Any], ...]:
     """Both directions of one pair: statistics of either frame, links, and the pixels they carry."""
     if state == "cut":
-        return (np.zeros((one.count, 4)), np.zeros((two.count, 4)), np.zeros((0, 2)), np.zeros((0, 2)))
-    there, links_there = _measure_pair(one, two, valid, s)
-    back, links_back = _measure_pair(two, one, valid, s)
-    i, j, forth = _count(links_there, one.count, two.count)
-    j_back, i_back, backward = _count(links_back, two.count, one.count)
-    key, row = np.unique(np.r_[i * two.count + j, i_back * two.count + j_back], return_inverse=True)
-    pixels = np.zeros((len(key), 2), np.int64)
-    pixels[row[: len(i)], 0] = forth
-    pixels[row[len(i) :], 1] = backward
-    return there, back, np.stack([key // two.count, key % two.count], 1), pixels
-
-
-def _measure_pair(
-    one: _Side, two: _Side, valid: NDArray[np.bool_], s: settings.Tables
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    camera = camera_motion(one.flow, valid, s)
-    return kernels.measure_direction(one.segment, one.count, two.segment, one.flow, two.flow, camera, valid)
-
-
-def camera_motion(
-    flow: NDArray[np.float32], valid: NDArray[np.bool_], s: settings.Tables
-) -> NDArray[np.float64]:
-    """The flow that most of the frame follows: a quadratic field, fitted robustly.
-
-    Iteratively re-weighted least squares with weights 1 / (1 + (r / scale)^2)^2, scale = 1.48 median of the
-    residuals r and at least 0.1 px.
-
-    Parameters
-    ----------
-    flow
-        (2, h, w) px.
-    valid
-        (h, w) pixels that count.
-
-    Returns
-    -------
-    (6, 2): factors of 1, x, y, x^2, x y, y^2 (rows) for the flow in x and y; x and y are counted from the centre
-    of the frame in half widths. Zero where no pixel counts.
-    """
-    _, height, width = flow.shape
-    sample = (slice(s.ego_stride // 2, None, s.ego_stride),) * 2
-    counts = valid[sample]
-    y, x = (
-        axis[counts].astype(np.float64)
-        for axis in np.mgrid[sample[0].start : height : s.ego_stride, sample[1].start : width : s.ego_stride]
-    )
-    x, y = (x - width / 2) / (width / 2), (y - height / 2) / (width / 2)
-    basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 1)
-    target = flow[:, *sample][:, counts].T.astype(np.float64)
-    weight, field = np.ones(len(x)), np.zeros((6, 2))
-    for _ in range(s.ego_rounds if len(x) else 0):
-        weighted = basis * weight[:, None]
-        field = np.linalg.solve(weighted.T @ basis + 1e-4 * np.eye(6), weighted.T @ target)
-        residual = np.hypot(*(target - basis @ field).T)
-        weight = 1 / (1 + (residual / max(1.4826 * np.median(residual), 0.1)) ** 2) ** 2
-    return field
-
-
-def _count(
-    pairs: NDArray[np.int64], first: int, second: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """The different keys i * second + j of ``pairs`` in order: i, j, and how often each is there."""
-    key, times = np.unique(pairs, return_counts=True)
-    return key // second, key % second, times
+        return (np.zeros((one.count, 3)), np.zeros((two.count, 3)), np.zeros((0, 2)), np.zeros((0, 2)))
+    there, i, j = kernels.measure_direction(one.segment, one.count, two.segment, one.flow, two.flow, valid)
+    back, k, h = kernels.measure_direction(two.segment, two.count, one.segment, two.flow, one.flow, valid)
+    # forth and back are counted as one, a path back beyond the numbers of the second frame to tell them apart
+    ends = np.r_[j, k + two.count]
+    pairs, times = kernels.count_pairs(np.r_[i, h], ends, one.count)
+    backward = pairs[:, 1] >= two.count
+    pairs[backward, 1] -= two.count
+    key = pairs[:, 0] * two.count + pairs[:, 1]
+    order = np.argsort(key, kind="stable")
+    new = np.r_[True, np.diff(key[order]) > 0]
+    pixels = np.zeros((int(new.sum()), 2), np.int64)
+    pixels[np.cumsum(new) - 1, backward[order].astype(np.int64)] = times[order]
+    kept = pixels.sum(1) >= least
+    return there, back, pairs[order][new][kept], pixels[kept]
