@@ -6,8 +6,11 @@ import resource
 import sys
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -53,9 +56,9 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
     """Run one part unless its record says that it is done; never raises on what a task can do wrong."""
     if any(outcome.state != "done" for outcome in before):
         return Outcome("skipped")
-    limit_threads()
     try:
-        return _run(job)
+        with one_thread():
+            return _run(job)
     except ZsmosegError as error:
         return Outcome("failed", error=str(error))
     except MemoryError:
@@ -99,12 +102,27 @@ def _run(job: Job) -> Outcome:
     return Outcome("done", time.process_time() - clock, peak_memory_mb())
 
 
-def limit_threads() -> None:
-    """One thread a worker: the libraries' own threads would crowd the cores, and change nothing else."""
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """OpenCV and BLAS in one thread: more would crowd the cores, and sums must not depend on their number."""
     import cv2
 
-    if cv2.getNumThreads() != 1:
-        cv2.setNumThreads(1)
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        with _thread_pools().limit(limits=1):
+            yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+@cache
+def _thread_pools() -> Any:
+    """The pools of this process; the modules of all stages, and with them their libraries, are loaded first."""
+    from threadpoolctl import ThreadpoolController
+
+    import_module("zsmoseg.workflows.stages")
+    return ThreadpoolController()
 
 
 def peak_memory_mb() -> float:

@@ -47,5 +47,5 @@ STAGE = Stage(
     inputs={"residuals": ALL, "objects": ALL},
     sections=("affinity",),
     scope="video",
-    cost=(0.3, 0.1),
+    cost=(0.1, 0.1),
 )

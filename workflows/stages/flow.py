@@ -53,4 +53,6 @@ def task(task: Task) -> Left:
     )
 
 
-STAGE = Stage("flow", 1, task, inputs={"frames": 1}, sections=("frames", "flow"), arrays=arrays)
+STAGE = Stage(
+    "flow", 1, task, inputs={"frames": 1}, sections=("frames", "flow"), arrays=arrays, cost=(26.0, 340.0)
+)

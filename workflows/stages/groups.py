@@ -131,5 +131,5 @@ STAGE = Stage(
     inputs={"affinity": ALL, "statistics": ALL, "labels": ALL, "objects": ALL},
     sections=("frames", "motion", "groups"),
     scope="video",
-    cost=(4.0, 0.3),
+    cost=(1.1, 0.1),
 )

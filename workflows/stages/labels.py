@@ -47,5 +47,5 @@ STAGE = Stage(
     inputs={"frames": 0, "segments": 0, "objects": ALL},
     sections=("labels", "ignore"),
     arrays=arrays,
-    cost=(8.0, 4.0),
+    cost=(6.8, 2.0),
 )

@@ -77,5 +77,5 @@ STAGE = Stage(
     inputs={"tables": ALL, "flow": ALL},
     sections=("frames", "objects"),
     scope="video",
-    cost=(15.0, 8.0),
+    cost=(9.5, 3.0),
 )

@@ -67,5 +67,5 @@ STAGE = Stage(
     sections=("masks", "overlay"),
     scope="video",
     files=files,
-    cost=(9.0, 20.0),
+    cost=(6.8, 25.0),
 )

@@ -28,4 +28,12 @@ def task(task: Task) -> Left:
     )
 
 
-STAGE = Stage("segments", 1, task, inputs={"frames": 0}, sections=("frames", "segments"), arrays=arrays)
+STAGE = Stage(
+    "segments",
+    1,
+    task,
+    inputs={"frames": 0},
+    sections=("frames", "segments"),
+    arrays=arrays,
+    cost=(7.7, 20.0),
+)

@@ -54,5 +54,5 @@ STAGE = Stage(
     task,
     inputs={"frames": 0, "flow": 0, "depth": 0, "labels": 0},
     sections=("frames", "statistics", "ignore"),
-    cost=(8.0, 40.0),
+    cost=(5.8, 19.0),
 )
