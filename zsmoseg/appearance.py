@@ -26,19 +26,9 @@ def vote(w: Window, x: Floats, s: settings.Objects) -> Floats:
     feature -= np.floor(feature.min(0))
     cells = np.floor(feature.max(0)).astype(np.int64) + 2
     stride = np.append(np.cumprod(cells[:0:-1])[::-1], 1)
-    grid = np.zeros((int(np.prod(cells)), 2))
+    grid = np.zeros((int(np.prod(cells)), 2), np.float32)
     kernels.splat(feature, w.size, x, stride, grid)
-    grid = _blur(grid.reshape(*cells, 2)).reshape(-1, 2)
+    for step, count in zip(stride, cells, strict=True):
+        kernels.blur(grid.reshape(-1, count, 2 * step))
     mean = kernels.read_grid(feature, stride, grid)
     return np.asarray(mean[:, 1] / np.maximum(mean[:, 0], 1e-9))
-
-
-def _blur(grid: Floats) -> Floats:
-    """1-2-1 along every axis but the last."""
-    for axis in range(grid.ndim - 1):
-        source = np.moveaxis(grid, axis, 0)
-        blurred = 0.5 * source
-        blurred[1:] += 0.25 * source[:-1]
-        blurred[:-1] += 0.25 * source[1:]
-        grid = np.ascontiguousarray(np.moveaxis(blurred, 0, axis))
-    return grid

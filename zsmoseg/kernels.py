@@ -160,114 +160,83 @@ def measure_direction(
 
 
 @nb.njit(cache=True)
-def count_pairs(first: Array, second: Array, count: int) -> tuple[Array, Array]:
-    """The different pairs in order, and how often each is there; ``first`` is below ``count``."""
+def count_pairs(first: Array, second: Array, count: int, others: int) -> tuple[Array, Array]:
+    """The different pairs in order, and how often each is there; below ``count`` and below ``others``."""
     start = np.zeros(count + 1, np.int64)
     for k in first:
         start[k + 1] += 1
     start = np.cumsum(start)
-    place, sorted_ = start[:-1].copy(), np.empty(len(first), np.int64)
+    place, grouped = start[:-1].copy(), np.empty(len(first), np.int64)
     for k in range(len(first)):
-        sorted_[place[first[k]]] = second[k]
+        grouped[place[first[k]]] = second[k]
         place[first[k]] += 1
-    pairs, times = np.empty((len(first), 2), np.int64), np.zeros(len(first), np.int64)
+    pairs, times = np.empty((len(first), 2), np.int64), np.empty(len(first), np.int64)
+    seen, found = np.zeros(others, np.int64), np.empty(others, np.int64)
     n = 0
     for i in range(count):
-        run = np.sort(sorted_[start[i] : start[i + 1]])
-        for k in range(len(run)):
-            if k == 0 or run[k] != run[k - 1]:
-                pairs[n, 0], pairs[n, 1] = i, run[k]
-                n += 1
-            times[n - 1] += 1
+        m = 0
+        for k in range(start[i], start[i + 1]):
+            j = grouped[k]
+            if seen[j] == 0:
+                found[m] = j
+                m += 1
+            seen[j] += 1
+        for j in np.sort(found[:m]):
+            pairs[n, 0], pairs[n, 1], times[n] = i, j, seen[j]
+            seen[j] = 0
+            n += 1
     return pairs[:n], times[:n]
 
 
 @nb.njit(cache=True)
-def _corner(feature: Array, i: int, corner: int, stride: Array) -> tuple[float, int]:
-    """Weight and cell of one of the 2^d cells around a point."""
-    share, cell = 1.0, 0
-    for d in range(feature.shape[1]):
-        base, up = int(feature[i, d]), (corner >> d) & 1
-        rest = feature[i, d] - base
-        share *= rest if up else 1 - rest
-        cell += (base + up) * stride[d]
-    return share, cell
+def _corners(point: Array, stride: Array, share: Array, cell: Array) -> None:
+    """Weight and cell of each of the 2^d cells around a point."""
+    share[0], cell[0], known = 1.0, 0, 1
+    for d in range(len(point)):
+        base = int(point[d])
+        rest = point[d] - base
+        for k in range(known):
+            share[known + k], cell[known + k] = share[k] * rest, cell[k] + (base + 1) * stride[d]
+            share[k], cell[k] = share[k] * (1 - rest), cell[k] + base * stride[d]
+        known *= 2
 
 
 @nb.njit(cache=True)
 def splat(feature: Array, weight: Array, x: Array, stride: Array, grid: Array) -> None:
     """Spread weight, and weight times x, over the cells around each point."""
+    share, cell = np.empty(1 << feature.shape[1]), np.empty(1 << feature.shape[1], np.int64)
     for i in range(len(feature)):
-        for corner in range(1 << feature.shape[1]):
-            share, cell = _corner(feature, i, corner, stride)
-            if share > 0:
-                grid[cell, 0] += weight[i] * share
-                grid[cell, 1] += weight[i] * share * x[i]
+        _corners(feature[i], stride, share, cell)
+        for k in range(len(share)):
+            grid[cell[k], 0] += weight[i] * share[k]
+            grid[cell[k], 1] += weight[i] * share[k] * x[i]
 
 
 @nb.njit(cache=True)
 def read_grid(feature: Array, stride: Array, grid: Array) -> Array:
     """The grid's two values at each point."""
     out = np.zeros((len(feature), 2))
+    share, cell = np.empty(1 << feature.shape[1]), np.empty(1 << feature.shape[1], np.int64)
     for i in range(len(feature)):
-        for corner in range(1 << feature.shape[1]):
-            share, cell = _corner(feature, i, corner, stride)
-            if share > 0:
-                out[i, 0] += share * grid[cell, 0]
-                out[i, 1] += share * grid[cell, 1]
+        _corners(feature[i], stride, share, cell)
+        for k in range(len(share)):
+            out[i, 0] += share[k] * grid[cell[k], 0]
+            out[i, 1] += share[k] * grid[cell[k], 1]
     return out
 
 
 @nb.njit(cache=True)
-def gram_matrices(slot: Array, x: Array, y: Array, q: Array, u: Array, v: Array, count: int) -> Array:
-    """Sums of products per slot; a pixel with slot below 0 or values that are not finite is left out."""
-    height, width = slot.shape
-    gram = np.zeros((count, 11, 11))
-    psi = np.empty(11)
-    for r in range(height):
-        for c in range(width):
-            n = slot[r, c]
-            value = q[r, c] + u[r, c] + v[r, c]
-            if n < 0 or not np.isfinite(value):
-                continue
-            psi[0], psi[1], psi[2], psi[3] = 1.0, x[c], y[r], q[r, c]
-            psi[4], psi[5] = x[c] * q[r, c], y[r] * q[r, c]
-            psi[6], psi[7], psi[8] = x[c] * x[c], x[c] * y[r], y[r] * y[r]
-            psi[9], psi[10] = u[r, c], v[r, c]
-            for i in range(11):
-                for j in range(i, 11):
-                    gram[n, i, j] += psi[i] * psi[j]
-    for n in range(count):
-        for i in range(11):
-            for j in range(i):
-                gram[n, i, j] = gram[n, j, i]
-    return gram
-
-
-@nb.njit(cache=True)
-def measure_pieces_of(slot: Array, lab: Array, colour: Array) -> tuple[Array, Array]:
-    """Area and box per slot; colours are added to ``colour``. The background has no colour and no box."""
-    height, width = slot.shape
-    count = len(colour)
-    area = np.zeros(count, np.int32)
-    box = np.full((count, 4), np.nan, np.float32)
-    for y in range(height):
-        for x in range(width):
-            n = slot[y, x]
-            area[n] += 1
-            if n == 0:
-                continue
-            code = np.int64(lab[y, x, 0]) * 8 // 256
-            for c in range(1, 3):
-                part = (np.int64(lab[y, x, c]) - 80) // 16
-                code = code * 6 + min(max(part, 0), 5)
-            colour[n, code] += 1
-            if np.isnan(box[n, 0]):
-                box[n, 0], box[n, 1], box[n, 2], box[n, 3] = x, y, x + 1, y + 1
-            else:
-                box[n, 0], box[n, 2] = min(box[n, 0], x), max(box[n, 2], x + 1)
-                box[n, 3] = y + 1
-    return area, box
+def blur(grid: Array) -> None:
+    """1-2-1 along the middle axis of (before, n, after), in place; nothing outside."""
+    last = np.empty(grid.shape[2], grid.dtype)
+    for i in range(grid.shape[0]):
+        last[:] = 0
+        for j in range(grid.shape[1]):
+            for k in range(grid.shape[2]):
+                here = grid[i, j, k]
+                after = grid[i, j + 1, k] if j + 1 < grid.shape[1] else grid.dtype.type(0)
+                grid[i, j, k] = (last[k] + here + here + after) / 4
+                last[k] = here
 
 
 @nb.njit(cache=True)
@@ -312,12 +281,12 @@ def fit_quadratic(
 
 @nb.njit(cache=True)
 def _weighted_median(x: Array, weight: Array) -> float:
-    """By bisection, to a millionth of the largest."""
+    """By bisection, to 1 / 16384 of the largest."""
     low, high, half = 0.0, 0.0, 0.0
     for k in range(len(x)):
         high = max(high, x[k])
         half += weight[k] / 2
-    for _ in range(20):
+    for _ in range(14):
         middle, below = (low + high) / 2, 0.0
         for k in range(len(x)):
             if x[k] <= middle:

@@ -128,7 +128,7 @@ def chunk_tables(
     node, edge, boundary = [], [], []
     for frame, segment, count in zip(frames[:length], segments, counts, strict=False):
         nodes, first, second = kernels.measure_frame(segment, count, lab(frame), texture(frame), valid)
-        pairs, lengths = kernels.count_pairs(first, second, count)
+        pairs, lengths = kernels.count_pairs(first, second, count, count)
         node.append(nodes)
         edge.append(pairs)
         boundary.append(lengths)
@@ -191,7 +191,7 @@ def _pair(
     back, k, h = kernels.measure_direction(two.segment, two.count, one.segment, two.flow, one.flow, valid)
     # forth and back are counted as one, a path back beyond the numbers of the second frame to tell them apart
     ends = np.r_[j, k + two.count]
-    pairs, times = kernels.count_pairs(np.r_[i, h], ends, one.count)
+    pairs, times = kernels.count_pairs(np.r_[i, h], ends, one.count, 2 * two.count)
     backward = pairs[:, 1] >= two.count
     pairs[backward, 1] -= two.count
     key = pairs[:, 0] * two.count + pairs[:, 1]
