@@ -424,3 +424,7 @@ def test_reading_in_order_decodes_each_frame_once(clips: Path, monkeypatch: pyte
     for first in range(0, COUNT, 8):
         assert [decoded(i) for i in read(looked, first, first + 8)] == list(range(first, first + 8))
     assert len(starts) <= 1 + len(looked.keys)
+
+
+def test_names_keep_their_hyphens(tmp_path: Path) -> None:
+    assert unique_names([str(tmp_path / "scooter-black"), str(tmp_path / "a b.mp4")]) == ["scooter-black", "a_b"]

@@ -111,7 +111,7 @@ def _parts(video: str) -> list[str]:
     if glob.has_magic(path.name):
         path = path.parent
     stem = path.stem if path.suffix.lower() in VIDEOS else path.name
-    return [re.sub(r"[^\w.+]+", "_", part) for part in (*path.parts[1:-1], stem)]
+    return [re.sub(r"[^\w.+-]+", "_", part) for part in (*path.parts[1:-1], stem)]
 
 
 def stat_signature(source: str) -> str:
