@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.kernels import measure_pieces_of
+from zsmoseg.motion.loops import measure_pieces_of
 from zsmoseg.motion.models import Floats
 
 BINS = (8, 6, 6)

@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import rendering
+from zsmoseg.motion.loops import gram_matrices
 from zsmoseg.motion.models import MODELS, Floats, coordinates, normalise
 from zsmoseg.motion.residuals import LEAST, merge_costs
-from zsmoseg.motion.statistics import gram_matrices
 from zsmoseg.rendering import Camera
 
 CAMERAS: tuple[Camera, ...] = ("still", "pan", "lateral", "forward", "general")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.kernels import gram_matrices
+from zsmoseg.motion.loops import gram_matrices
 from zsmoseg.motion.models import Floats, coordinates, normalise
 
 UNUSED = -1
