@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from zsmoseg import settings
 from zsmoseg.motion.loops import measure_pieces_of
 from zsmoseg.motion.models import Floats
+from zsmoseg.motion.statistics import slots
 
 BINS = (8, 6, 6)
 """Of the colour histogram: L, a, b."""
@@ -40,7 +41,7 @@ def measure_pieces(label: NDArray[np.integer], frames: NDArray[np.uint8], ids: N
     box = np.full((len(label), count, 4), np.nan, np.float32)
     colour = np.zeros((count, int(np.prod(BINS))), np.int64)
     for t, (one, frame) in enumerate(zip(label, frames, strict=True)):
-        slot = np.searchsorted(ids, one).astype(np.int32)
+        slot = slots(one, ids)
         area[t], box[t] = measure_pieces_of(slot, cv2.cvtColor(frame, cv2.COLOR_BGR2LAB), colour)
     return Pieces(area, box, colour)
 

@@ -108,6 +108,8 @@ def moving_bodies(
 ) -> list[Body]:
     """Movers on straight paths relative to the camera, drawn until all demands of ``video_scene`` are met."""
     frames = len(world)
+    if not movers:
+        return []
     for _ in range(5000):
         z = rng.uniform(4.0, 5.5, (movers, 2))
         radius = rng.uniform(0.15, 0.2, movers)

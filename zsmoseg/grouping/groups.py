@@ -122,9 +122,9 @@ def linked_groups(
 ) -> Labels:
     """Groups of the movers, and what belongs to them.
 
-    1. Strong: called moving, with ``share`` of the largest mover's pixels and ``frames`` pairs or more. They are
-       clustered on the cost of one motion for two over what non-rigid parts of one thing cost; what goes on in
-       each other counts half whatever its cost.
+    1. Strong: called moving, with ``share`` of the largest mover's pixels and ``frames`` pairs or more. They
+       are clustered on the cost of one motion for two over what non-rigid parts of one thing cost, less
+       where few pairs show both; what goes on in each other counts half whatever its cost.
     2. Open: a mover that is not strong; an object too short to tell; an object above ``weak`` thresholds that
        is mostly seen while no strong mover is (a hidden thing come back). It joins the nearest thing if it is
        near and, where they are seen together, moves with it rather than with the background.
@@ -141,10 +141,10 @@ def linked_groups(
     hidden = ~covered & (decision.score > s.weak * decision.threshold)
     open_ = (support > 0) & ~strong & (decision.moving | hidden | (pairs < s.frames))
     ids = np.flatnonzero(strong | open_)
-    cost = pair_costs(shot, ids, len(pairs), decision.yardstick, model, s)
-    ratio = np.where(
-        near.goes_on, np.minimum(cost.together / cost.tolerance, 0.5), cost.together / cost.tolerance
-    )
+    cost = pair_costs(shot, ids, len(pairs), model, s)
+    proof = cost.pairs / (cost.pairs + s.frames)
+    apart = cost.together / cost.tolerance * np.where(cost.pairs > 0, proof, 1.0)
+    ratio = np.where(near.goes_on, np.minimum(apart, 0.5), apart)
     members = np.flatnonzero(strong)
     clusters = None if s.count == "auto" else min(s.count - 1, len(members))
     group[members] = average_linkage(ratio[np.ix_(members, members)], support[members], clusters)
@@ -208,10 +208,11 @@ class Costs:
     """Number of such pairs."""
 
 
-def pair_costs(
-    shot: Shot, ids: NDArray[np.int64], count: int, yardstick: float, model: Model, s: settings.Groups
-) -> Costs:
-    """What one motion for two costs, for all pairs of the objects ``ids``."""
+def pair_costs(shot: Shot, ids: NDArray[np.int64], count: int, model: Model, s: settings.Groups) -> Costs:
+    """What one motion for two costs, for all pairs of the objects ``ids``.
+
+    The yardstick is what each costs alone: limbs are not rigid, and neither is what flow makes of a body.
+    """
     total, tolerance, weight, pairs = (np.zeros((count, count)) for _ in range(4))
     wanted = np.zeros(count, np.bool_)
     wanted[ids] = True
@@ -228,7 +229,7 @@ def pair_costs(
         chance = 0.5 * model.parameters * s.noise_area * np.minimum(both / 2, noise) / small
         at = np.ix_(g.ids[here], g.ids[here])
         total[at] += small * np.sqrt(np.maximum(d - chance, 0.0))
-        tolerance[at] += small * (s.same * yardstick + s.same_own * np.sqrt(both))
+        tolerance[at] += small * (s.same + s.same_own * np.sqrt(both))
         weight[at] += small
         pairs[at] += 1
     known = weight > 0

@@ -1,4 +1,4 @@
-"""The inner loops over labelled pixels, compiled by Numba. What they compute is described where they are called."""
+"""The loops over the pixels, compiled."""
 
 # mypy: disable-error-code="untyped-decorator, assignment, operator"
 from __future__ import annotations
@@ -9,33 +9,102 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.motion.models import SIZE
+
 Array = NDArray[Any]
 
 
 @nb.njit(cache=True)
 def gram_matrices(slot: Array, x: Array, y: Array, q: Array, u: Array, v: Array, count: int) -> Array:
-    """Sums of products per slot; a pixel with slot below 0 or values that are not finite is left out."""
+    """Sums of products (count, 11, 11) of the monomials and the flow, by slot.
+
+    Along a run of pixels of one slot in one row y is constant, so that 25 sums are enough; they are
+    expanded where the run ends. The cost does not depend on the number of slots.
+
+    Parameters
+    ----------
+    slot : (h, w); below 0 = left out, as are pixels whose values are not finite.
+    x, y : (w,) and (h,).
+    q, u, v : (h, w) inverse depth and flow.
+    """
     height, width = slot.shape
-    gram = np.zeros((count, 11, 11))
-    psi = np.empty(11)
+    gram = np.zeros((count, SIZE, SIZE))
     for r in range(height):
-        for c in range(width):
+        c = 0
+        while c < width:
             n = slot[r, c]
-            value = q[r, c] + u[r, c] + v[r, c]
-            if n < 0 or not np.isfinite(value):
-                continue
-            psi[0], psi[1], psi[2], psi[3] = 1.0, x[c], y[r], q[r, c]
-            psi[4], psi[5] = x[c] * q[r, c], y[r] * q[r, c]
-            psi[6], psi[7], psi[8] = x[c] * x[c], x[c] * y[r], y[r] * y[r]
-            psi[9], psi[10] = u[r, c], v[r, c]
-            for i in range(11):
-                for j in range(i, 11):
-                    gram[n, i, j] += psi[i] * psi[j]
+            start = c
+            while c < width and slot[r, c] == n:
+                c += 1
+            if n >= 0:
+                _add_run(gram[n], x[start:c], y[r], q[r, start:c], u[r, start:c], v[r, start:c])
     for n in range(count):
-        for i in range(11):
+        for i in range(SIZE):
             for j in range(i):
                 gram[n, i, j] = gram[n, j, i]
     return gram
+
+
+@nb.njit(cache=True)
+def _add_run(gram: Array, x: Array, y: float, q: Array, u: Array, v: Array) -> None:
+    """Add one run to the upper triangle of the Gram matrix of its slot."""
+    x0 = x1 = x2 = x3 = x4 = 0.0
+    q0 = q1 = q2 = q3 = 0.0
+    p0 = p1 = p2 = 0.0
+    u0 = u1 = u2 = v0 = v1 = v2 = 0.0
+    s0 = s1 = t0 = t1 = 0.0
+    uu = vv = uv = 0.0
+    for c in range(len(x)):
+        a, d, f, g = x[c], np.float64(q[c]), np.float64(u[c]), np.float64(v[c])
+        if not np.isfinite(d + f + g):
+            continue
+        b = a * a
+        x0 += 1.0
+        x1 += a
+        x2 += b
+        x3 += a * b
+        x4 += b * b
+        q0 += d
+        q1 += d * a
+        q2 += d * b
+        q3 += d * a * b
+        e = d * d
+        p0 += e
+        p1 += e * a
+        p2 += e * b
+        u0 += f
+        u1 += f * a
+        u2 += f * b
+        v0 += g
+        v1 += g * a
+        v2 += g * b
+        s0 += d * f
+        s1 += d * f * a
+        t0 += d * g
+        t1 += d * g * a
+        uu += f * f
+        vv += g * g
+        uv += f * g
+    z = y * y
+    w = z * y
+    # order: 1 x y q xq yq xx xy yy u v
+    rows = (
+        (x0, x1, y * x0, q0, q1, y * q0, x2, y * x1, z * x0, u0, v0),
+        (0.0, x2, y * x1, q1, q2, y * q1, x3, y * x2, z * x1, u1, v1),
+        (0.0, 0.0, z * x0, y * q0, y * q1, z * q0, y * x2, z * x1, w * x0, y * u0, y * v0),
+        (0.0, 0.0, 0.0, p0, p1, y * p0, q2, y * q1, z * q0, s0, t0),
+        (0.0, 0.0, 0.0, 0.0, p2, y * p1, q3, y * q2, z * q1, s1, t1),
+        (0.0, 0.0, 0.0, 0.0, 0.0, z * p0, y * q2, z * q1, w * q0, y * s0, y * t0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, x4, y * x3, z * x2, u2, v2),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, z * x2, w * x1, y * u1, y * v1),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, z * z * x0, z * u0, z * v0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, uu, uv),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, vv),
+    )
+    for i in range(SIZE):
+        row = rows[i]
+        for j in range(i, SIZE):
+            gram[i, j] += row[j]
 
 
 @nb.njit(cache=True)

@@ -43,17 +43,25 @@ def pair_statistics(
     -------
     (slots + cells, 11, 11); element [n, 0, 0] is a number of pixels. Row 0 is the sum of the cells.
     """
-    slot = np.searchsorted(ids, label).astype(np.int32)
-    slot[without_borders(label, s.border)] = UNUSED
+    slot = slots(label, ids)
+    used = slot.copy()
+    used[without_borders(slot, s.border)] = UNUSED
     if ignore is not None:
-        slot[ignore] = UNUSED
+        used[ignore] = UNUSED
     cells = cell_grid(label.shape, s.cells_y, s.cells_x)
-    slot = np.where(slot == 0, len(ids) + cells, slot).astype(np.int32)
+    slot = np.where(used == 0, len(ids) + cells, used)
     x, y = coordinates(*label.shape)
     q = np.zeros(label.shape) if inverse_depth is None else normalise(inverse_depth)
     gram = gram_matrices(slot, x, y, q, flow[0], flow[1], len(ids) + s.cells_y * s.cells_x)
     gram[0] = gram[len(ids) :].sum(0)
     return np.asarray(gram)
+
+
+def slots(label: NDArray[np.integer[Any]], ids: NDArray[np.int64]) -> NDArray[np.int32]:
+    """(h, w) place of every label in ``ids``; labels that are not there count for nothing."""
+    table = np.full(max(int(label.max(initial=0)), int(ids[-1])) + 1, UNUSED, np.int32)
+    table[ids] = np.arange(len(ids))
+    return np.asarray(table[label])
 
 
 def cell_grid(shape: tuple[int, ...], rows: int, columns: int) -> NDArray[np.int32]:
@@ -64,16 +72,17 @@ def cell_grid(shape: tuple[int, ...], rows: int, columns: int) -> NDArray[np.int
     return (row[:, None] * columns + column).astype(np.int32)
 
 
-def without_borders(label: NDArray[np.integer[Any]], radius: int) -> NDArray[np.bool_]:
-    """(h, w) true within ``radius`` px of a boundary between objects: flow and mask belong to different things there.
+def without_borders(slot: NDArray[np.int32], radius: int) -> NDArray[np.bool_]:
+    """(h, w) true within ``radius`` px of a boundary between objects.
 
-    An object that would lose more than three quarters of its pixels keeps them all.
+    Flow and mask belong to different things there. An object that would lose more than three quarters of its
+    pixels keeps them all.
     """
     if radius == 0:
-        return np.zeros(label.shape, np.bool_)
+        return np.zeros(slot.shape, np.bool_)
     kernel = np.ones((2 * radius + 1,) * 2, np.uint8)
-    compact = label.astype(np.uint16)
+    compact = (slot - UNUSED).astype(np.uint16)
     border = cv2.dilate(compact, kernel) != cv2.erode(compact, kernel)
     before = np.bincount(compact.ravel())
-    after = np.bincount(compact[~border], minlength=len(before))
-    return np.asarray(border & ~(after < 0.25 * before)[compact])
+    lost = np.bincount(compact[border], minlength=len(before))
+    return np.asarray(border & (lost <= 0.75 * before)[compact])
