@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import pickle
 import random
@@ -17,7 +18,7 @@ from PIL import Image, ImageOps
 
 from zsmoseg.errors import SettingsError, VideoError
 from zsmoseg.settings import Video
-from zsmoseg.sources import fingerprint, sources, stat_signature, unique_names
+from zsmoseg.sources import fingerprint, natural, sources, stat_signature, unique_names
 from zsmoseg.video import Probe, probe, read, read_ignore
 
 COUNT = 40
@@ -50,7 +51,7 @@ def encode(
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=25, options=options or {})
         stream.width, stream.height, stream.pix_fmt = *size, pix_fmt
-        tick = Fraction(1, 1000) if path.suffix != ".avi" else Fraction(1, 25)
+        tick = Fraction(1, 1000) if path.suffix not in (".avi", ".mpg") else Fraction(1, 25)
         stream.codec_context.time_base = tick
         for n in range(COUNT):
             frame = av.VideoFrame.from_ndarray(coded(n, *size), "bgr24").reformat(format=pix_fmt)
@@ -76,6 +77,8 @@ CLIPS: dict[str, Callable[[Path], Path]] = {
     "odd-size.mp4": lambda p: encode(p, "libx264", {"bf": "2"}, "yuv444p", (161, 91)),
     "mpeg4.avi": lambda p: encode(p, "mpeg4", {"g": "12", "q": "2"}),
     "mpeg4-b-frames.avi": lambda p: encode(p, "mpeg4", {"g": "12", "bf": "2", "q": "2"}),
+    "mjpeg.avi": lambda p: encode(p, "mjpeg", pix_fmt="yuvj420p"),
+    "mpeg2.mpg": lambda p: encode(p, "mpeg2video", {"g": "12", "bf": "2"}),
     "mpeg4.mov": lambda p: encode(p, "mpeg4", {"g": "12", "bf": "2", "q": "2"}),
     "vp9.webm": lambda p: encode(p, "libvpx-vp9", {"g": "12", "deadline": "realtime", "cpu-used": "8"}),
 }
@@ -125,6 +128,109 @@ def test_rotation_is_respected(clips: Path, tmp_path: Path) -> None:
     for n in (0, 17):
         upright = np.rot90(next(read(straight, n, n + 1)), -1)
         np.testing.assert_array_equal(next(read(looked, n, n + 1)), upright)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("turns", range(4))
+def test_display_matrices_turn_and_mirror(turns: int, mirrored: bool, tmp_path: Path) -> None:
+    with av.open(str(tmp_path / "a.mp4"), "w") as container:
+        stream = container.add_stream("libx264", rate=25, options={"crf": "5"})
+        stream.width, stream.height, stream.pix_fmt = 160, 90, "yuv420p"
+        stream.set_display_rotation(90 * turns, hflip=mirrored)
+        for n in (5, 6):
+            for packet in stream.encode(av.VideoFrame.from_ndarray(coded(n), "bgr24")):
+                container.mux(packet)
+        for packet in stream.encode(None):
+            container.mux(packet)
+    looked = probe(str(tmp_path / "a.mp4"), Video())
+    with av.open(str(tmp_path / "a.mp4")) as container:
+        upright = next(container.decode(video=0)).to_ndarray(format="bgr24")
+    upright = upright[:, ::-1] if mirrored and turns % 2 == 0 else upright[::-1] if mirrored else upright
+    first = next(read(looked, 0, 1))
+    assert first.shape[:2] == (looked.height, looked.width)
+    np.testing.assert_array_equal(first, np.rot90(upright, turns))
+
+
+def test_a_file_that_took_the_place_of_another_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.avi"
+    encode(path, "mjpeg", pix_fmt="yuvj420p")
+    assert decoded(next(read(probe(str(path), Video()), 3, 4))) == 3
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mjpeg", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 160, 90, "yuvj420p"
+        for _ in range(COUNT):
+            for packet in stream.encode(av.VideoFrame.from_ndarray(coded(63), "bgr24")):
+                container.mux(packet)
+    assert decoded(next(read(probe(str(path), Video()), 4, 5))) == 63
+
+
+@pytest.mark.parametrize("name", ["mjpeg.avi", "mpeg4.avi", "b-frames.mp4", "vp9.webm"])
+def test_a_look_at_a_video_does_not_decode_it_all(
+    name: str, clips: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from zsmoseg import decoding
+
+    count = []
+    picture = decoding._picture
+    monkeypatch.setattr(decoding, "_picture", lambda frame: (count.append(1), picture(frame))[1])
+    probe(str(clips / name), Video())
+    assert len(count) <= 13
+
+
+def test_a_last_frame_that_is_shown_long_is_no_damage(tmp_path: Path) -> None:
+    times = [40 * n for n in range(COUNT - 1)] + [40 * COUNT + 4000]
+    for name, codec in (("a.mp4", "libx264"), ("a.mkv", "libx264")):
+        encode(tmp_path / name, codec, times=times)
+        assert len(probe(str(tmp_path / name), Video()).times) == COUNT
+
+
+def test_a_trimmed_video_shows_what_its_edit_list_leaves(clips: Path, tmp_path: Path) -> None:
+    data = bytearray((clips / "b-frames.mp4").read_bytes())
+    at = data.index(b"elst") + 4
+    version, entries = data[at], int.from_bytes(data[at + 4 : at + 8], "big")
+    assert (version, entries) == (0, 1)
+    duration, start = (int.from_bytes(data[at + o : at + o + 4], "big") for o in (8, 12))
+    data[at + 8 : at + 12] = (duration // 2).to_bytes(4, "big")
+    data[at + 12 : at + 16] = (start + 5 * 640).to_bytes(4, "big")
+    (tmp_path / "trimmed.mp4").write_bytes(bytes(data))
+    looked = probe(str(tmp_path / "trimmed.mp4"), Video())
+    shown = [decoded(i) for i in read(looked, 0, len(looked.times))]
+    assert shown == list(range(5, 5 + len(shown)))
+    assert 18 <= len(shown) <= 25
+    for n in (len(shown) - 1, 7, 0):
+        assert decoded(next(read(looked, n, n + 1))) == shown[n]
+
+
+@pytest.mark.parametrize("name", ["b-frames.mp4", "open-gop.mkv", "mpeg4.avi", "mpeg4.mov"])
+def test_damage_in_the_middle_never_gives_a_wrong_frame(name: str, clips: Path, tmp_path: Path) -> None:
+    with av.open(str(clips / name)) as container:
+        packets = [(p.pos, p.size) for p in container.demux(video=0) if p.size]
+    data = bytearray((clips / name).read_bytes())
+    place, size = packets[20]
+    for i in range(place + size // 2, place + size):
+        data[i] ^= 0x5A
+    path = tmp_path / name
+    path.write_bytes(bytes(data))
+    images = list(read(probe(str(clips / name), Video()), 0, COUNT))
+    good, said = read_up_to_damage(str(path))
+    assert f"{name}: is damaged or cut off" in said or "cannot be decoded; --end" in said
+    looked = probe(str(path), Video(allow_truncated=True))
+    allowed = list(read(looked, 0, len(looked.times)))
+    assert 15 <= len(allowed) < 25
+    assert len(good) in (0, len(allowed))
+    np.testing.assert_array_equal(allowed, images[: len(allowed)])
+    np.testing.assert_array_equal(good, images[: len(good)] or np.empty(0))
+
+
+def read_up_to_damage(path: str) -> tuple[list[np.ndarray], str]:
+    """Frames in order up to the error, and what it says."""
+    good = []
+    try:
+        for image in read(probe(path, Video()), 0, COUNT):
+            good.append(image)
+    except VideoError as error:
+        return good, str(error)
+    return good, ""
 
 
 @pytest.mark.parametrize(
@@ -263,10 +369,33 @@ def test_files_folders_globs_and_datasets_are_found(clips: Path, tmp_path: Path)
     davis = tmp_path / "davis"
     assert [Path(s).name for s in sources([str(davis)])] == ["bear", "goat"]
     assert [Path(s).name for s in sources([str(davis / "JPEGImages" / "480p")])] == ["bear", "goat"]
-    assert [Path(s).suffix for s in sources([str(clips / "*.avi")])] == [".avi", ".avi"]
+    assert [Path(s).suffix for s in sources([str(clips / "*.avi")])] == [".avi"] * 3
     pattern = str(davis / "JPEGImages" / "480p" / "bear" / "*.jpg")
     assert sources([pattern, pattern]) == [pattern]
     assert unique_names([pattern]) == ["bear"]
+
+
+def test_the_same_source_is_used_once_and_the_order_is_kept(clips: Path, tmp_path: Path) -> None:
+    for n in range(2):
+        write(tmp_path / "f" / f"{n}.png", coded(n))
+    a, b = str(clips / "mpeg4.avi"), str(clips / "vp9.webm")
+    assert sources([a, b, a]) == [a, b]
+    assert sources([str(tmp_path / "f"), str(tmp_path / "f" / "*.png")]) == [str(tmp_path / "f")]
+
+
+def test_a_pattern_leaves_out_what_is_no_video(clips: Path, tmp_path: Path) -> None:
+    for name in ("b.avi", "a.avi"):
+        (tmp_path / name).write_bytes((clips / "mpeg4.avi").read_bytes())
+    (tmp_path / "notes.txt").write_text("notes")
+    assert [Path(s).name for s in sources([str(tmp_path / "*")])] == ["a.avi", "b.avi"]
+    with pytest.raises(VideoError, match="none is a video or an image"):
+        sources([str(tmp_path / "*.txt")])
+
+
+def test_names_that_differ_by_zeros_have_an_order() -> None:
+    names = ["²3", "f001.png", "f01.png", "f1.png"]
+    for order in itertools.permutations(names):
+        assert sorted(order, key=natural) == sorted(names, key=natural)
 
 
 def test_names_are_the_shortest_unique_ends(tmp_path: Path) -> None:
@@ -417,14 +546,17 @@ def test_reading_in_order_decodes_each_frame_once(clips: Path, monkeypatch: pyte
 
     starts = []
     start = decoding.Decoder._start
-    monkeypatch.setattr(decoding.Decoder, "_start", lambda self, key: (starts.append(key), start(self, key)))
-    decoding.decoder.cache_clear()
+    monkeypatch.setattr(decoding.Decoder, "_start", lambda self, *at: (starts.append(at), start(self, *at)))
+    decoding._kept.cache_clear()
     looked = probe(str(clips / "b-frames.mp4"), Video())
     starts.clear()
     for first in range(0, COUNT, 8):
         assert [decoded(i) for i in read(looked, first, first + 8)] == list(range(first, first + 8))
-    assert len(starts) <= 1 + len(looked.keys)
+    assert len(starts) == 1
 
 
 def test_names_keep_their_hyphens(tmp_path: Path) -> None:
-    assert unique_names([str(tmp_path / "scooter-black"), str(tmp_path / "a b.mp4")]) == ["scooter-black", "a_b"]
+    assert unique_names([str(tmp_path / "scooter-black"), str(tmp_path / "a b.mp4")]) == [
+        "scooter-black",
+        "a_b",
+    ]

@@ -18,21 +18,32 @@ DATASET = ("JPEGImages/480p", "JPEGImages/Full-Resolution", "JPEGImages")
 
 
 def natural(path: str | Path) -> list[tuple[int, int | str]]:
-    """Sort key: ``frame9`` before ``frame10``."""
+    """Sort key: ``frame9`` before ``frame10``; ``f01`` and ``f1`` have an order too."""
     parts = re.split(r"(\d+)", str(path))
-    return [(0, int(part)) if part.isdigit() else (1, part) for part in parts]
+    return [*((0, int(part)) if part.isdecimal() else (1, part) for part in parts), (2, str(path))]
 
 
 def sources(arguments: Sequence[str]) -> list[str]:
     """The videos that ``arguments`` mean: each a video file, a folder of images, or a glob of images.
+
+    Returns
+    -------
+    In the order given; what is the same file, or the same images, only once.
 
     Raises
     ------
     VideoError
         Where one means nothing, or no video.
     """
-    found = [video for argument in arguments for video in _expand(argument)]
-    return list({os.path.realpath(f): f for f in reversed(found)}.values())[::-1]
+    once: dict[tuple[str, ...], str] = {}
+    for argument in arguments:
+        try:
+            for video in _expand(argument):
+                files = image_files(video) or [video]
+                once.setdefault(tuple(os.path.realpath(file) for file in files), video)
+        except OSError as error:
+            raise VideoError(f"{error.filename or argument}: cannot be read ({error.strerror})") from error
+    return list(once.values())
 
 
 def _expand(argument: str) -> list[str]:
@@ -49,8 +60,13 @@ def _expand(argument: str) -> list[str]:
         matches = sorted(glob.glob(argument, recursive=True), key=natural)
         if matches and all(Path(m).suffix.lower() in IMAGES for m in matches):
             return [argument]
+        wanted = [m for m in matches if Path(m).is_dir() or Path(m).suffix.lower() in VIDEOS]
+        if wanted:
+            return [video for match in wanted for video in _expand(match)]
         if matches:
-            return [video for match in matches for video in _expand(match)]
+            raise VideoError(
+                f"{argument}: matches {len(matches)} files, of which none is a video or an image"
+            )
         raise VideoError(f"{argument}: nothing matches this pattern")
     raise VideoError(f"{argument}: no such file or folder")
 

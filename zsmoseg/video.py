@@ -128,7 +128,7 @@ def _other_size(what: str, image: NDArray[Any], probe: Probe) -> VideoError:
 
 
 def _probe_file(source: str, s: settings.Video) -> Probe:
-    found = index(source)
+    found = index(source, thorough=s.allow_truncated)
     if found.decodable < found.promised and not s.allow_truncated:
         raise VideoError(
             f"{source}: is damaged or cut off: frames 0 to {found.decodable - 1} of {found.promised} can be decoded, "
