@@ -56,6 +56,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
                 "pixels": int(table["area"][n]),
                 "excess_px": round(float(table["score"][n]), 4),
                 "threshold_px": round(float(table["threshold"][n]), 4),
+                "visibility": round(float(table["visibility"][n]), 4),
             }
             for n in np.flatnonzero(table["area"] > 0)
             if n > 0

@@ -35,7 +35,14 @@ class Pieces:
 
 
 def measure_pieces(label: NDArray[np.integer], frames: NDArray[np.uint8], ids: NDArray[np.int64]) -> Pieces:
-    """Place and colour of the objects ``ids`` (N, ascending, 0 first) in ``label`` (T, h, w), ``frames`` (T, h, w, 3)."""
+    """Place and colour of the objects ``ids``.
+
+    Parameters
+    ----------
+    label : (T, h, w) object of every pixel.
+    frames : (T, h, w, 3) blue green red.
+    ids : (N,) ascending, 0 first; all that occur in ``label``.
+    """
     count = len(ids)
     area = np.zeros((len(label), count), np.int32)
     box = np.full((len(label), count, 4), np.nan, np.float32)
@@ -60,58 +67,99 @@ class Nearness:
     goes_on: NDArray[np.bool_]
 
 
-def nearness(pieces: Pieces, velocity: Floats, shape: tuple[int, int], s: settings.Groups) -> Nearness:
-    """Which objects can be one thing.
+def nearness(
+    pieces: Pieces,
+    velocity: Floats,
+    shape: tuple[int, ...],
+    wanted: NDArray[np.int64],
+    s: settings.Groups,
+) -> Nearness:
+    """Which of the objects ``wanted`` can be one thing.
 
-    Seen together: the median distance of their boxes over the common frames. Never together: the earlier box moved
-    on by its last velocity, or the later one back by its first, the better counts; at most ``gap`` frames apart,
-    and over unseen frames the colours must agree. The unit is ``reach`` times the root of the larger area.
+    Seen together: the median distance of their boxes over the common frames. Never together: the earlier box
+    moved on by its last velocity, or the later one back by its first, the better counts; at most ``gap`` frames
+    apart, and over unseen frames the colours must agree. The unit is ``reach`` times the root of the larger
+    area.
 
     Parameters
     ----------
     velocity : (2, N, 2) px a frame, of the first and of the last pairs of every object.
     shape : height and width of the working grid.
+    wanted : objects, not the background.
     """
     count = pieces.area.shape[1]
-    seen = pieces.area > 0
     distance, goes_on = np.full((count, count), np.inf), np.zeros((count, count), np.bool_)
-    present = [n for n in range(1, count) if seen[:, n].any()]
-    first = seen.argmax(0)
-    last = len(seen) - 1 - seen[::-1].argmax(0)
-    size = np.array([np.sqrt(np.median(a[a > 0])) if (a > 0).any() else 0.0 for a in pieces.area.T])
-    colour = pieces.colour / np.maximum(pieces.colour.sum(1, keepdims=True), 1)
-    box = pieces.box.astype(np.float64)
-    frame = np.array([1.0, 1.0, shape[1] - 1.0, shape[0] - 1.0])
+    lives = [_life(pieces, velocity, int(n)) for n in wanted if pieces.area[:, n].any()]
+    lives.sort(key=lambda life: (life.first, life.number))
+    for at, a in enumerate(lives):
+        for b in lives[at + 1 :]:
+            if b.first - a.last > s.gap:
+                break
+            near = _together(a, b, shape, s) if (a.seen & b.seen).any() else _apart(a, b, s)
+            for i, j in ((a.number, b.number), (b.number, a.number)):
+                distance[i, j], goes_on[i, j] = near
+    return Nearness(distance, goes_on)
 
-    def inside(b: Floats) -> bool:
-        return bool((b[:2] > frame[:2]).all() and (b[2:] < frame[2:]).all())
 
-    def ends_beside(a: int, b: int, limit: float) -> bool:
-        for t, other in ((first[a], first[a] - 1), (last[a], last[a] + 1)):
-            open_end = 0 <= other < len(seen) and seen[other, b] and inside(box[t, a])
-            if open_end and box_gap(box[t, a], box[other, b]) <= limit:
-                return True
+@dataclass(frozen=True)
+class _Life:
+    """Where and when one object is seen: frames (T,), boxes (T, 4), colour shares, velocities (2, 4) of its ends."""
+
+    number: int
+    seen: NDArray[np.bool_]
+    box: Floats
+    size: float
+    colour: Floats
+    velocity: Floats
+
+    @property
+    def first(self) -> int:
+        return int(self.seen.argmax())
+
+    @property
+    def last(self) -> int:
+        return len(self.seen) - 1 - int(self.seen[::-1].argmax())
+
+    def alike(self, other: _Life, least: float) -> bool:
+        """Whether the colour histograms intersect by ``least`` or more."""
+        return bool(np.minimum(self.colour, other.colour).sum() >= least)
+
+    def ends_beside(self, other: _Life, limit: float, shape: tuple[int, ...]) -> bool:
+        """Whether this object ends or begins in the open beside the other."""
+        border = np.array([shape[1] - 1.0, shape[0] - 1.0])
+        for t, then in ((self.first, self.first - 1), (self.last, self.last + 1)):
+            if 0 <= then < len(self.seen) and other.seen[then]:
+                inside = (self.box[t, :2] > 1).all() and (self.box[t, 2:] < border).all()
+                if inside and box_gap(self.box[t], other.box[then]) <= limit:
+                    return True
         return False
 
-    for at, i in enumerate(present):
-        for j in present[at + 1 :]:
-            limit = s.reach * max(size[i], size[j])
-            common = seen[:, i] & seen[:, j]
-            if common.any():
-                gap = float(np.median(box_gap(box[common, i], box[common, j])))
-                short = common.sum() <= s.overlap * min(seen[:, i].sum(), seen[:, j].sum())
-                if short and np.minimum(colour[i], colour[j]).sum() >= s.colour:
-                    goes_on[i, j] = goes_on[j, i] = ends_beside(i, j, limit) or ends_beside(j, i, limit)
-            else:
-                a, b = (i, j) if last[i] < first[j] else (j, i)
-                frames = first[b] - last[a]
-                if not 0 < frames <= s.gap:
-                    continue
-                if frames > 1 and np.minimum(colour[i], colour[j]).sum() < s.colour:
-                    continue
-                end, start = box[last[a], a], box[first[b], b]
-                on, back = (frames * np.tile(v, 2) for v in (velocity[1, a], velocity[0, b]))
-                gap = float(min(box_gap(end + on, start), box_gap(end, start - back)))
-                goes_on[i, j] = goes_on[j, i] = gap <= limit
-            distance[i, j] = distance[j, i] = gap / max(limit, 1e-9)
-    return Nearness(distance, goes_on)
+
+def _life(pieces: Pieces, velocity: Floats, n: int) -> _Life:
+    seen = pieces.area[:, n] > 0
+    colour = pieces.colour[n] / max(int(pieces.colour[n].sum()), 1)
+    size = float(np.sqrt(np.median(pieces.area[seen, n])))
+    return _Life(n, seen, pieces.box[:, n].astype(np.float64), size, colour, np.tile(velocity[:, n], 2))
+
+
+def _together(a: _Life, b: _Life, shape: tuple[int, ...], s: settings.Groups) -> tuple[float, bool]:
+    """Distance of two objects seen together, and whether one goes on in the other."""
+    common, limit = a.seen & b.seen, s.reach * max(a.size, b.size)
+    gap = float(np.median(box_gap(a.box[common], b.box[common])))
+    short = common.sum() <= s.overlap * min(a.seen.sum(), b.seen.sum())
+    goes_on = (
+        short and a.alike(b, s.colour) and (a.ends_beside(b, limit, shape) or b.ends_beside(a, limit, shape))
+    )
+    return gap / max(limit, 1e-9), bool(goes_on)
+
+
+def _apart(a: _Life, b: _Life, s: settings.Groups) -> tuple[float, bool]:
+    """The same of two objects never seen together, ``a`` the earlier one."""
+    frames, limit = b.first - a.last, s.reach * max(a.size, b.size)
+    if not 0 < frames <= s.gap or (frames > 1 and not a.alike(b, s.colour)):
+        return np.inf, False
+    end, start = a.box[a.last], b.box[b.first]
+    ahead = box_gap(end + frames * a.velocity[1], start)
+    back = box_gap(end, start - frames * b.velocity[0])
+    gap = min(float(ahead), float(back))
+    return gap / max(limit, 1e-9), gap <= limit

@@ -23,6 +23,8 @@ def main(options: argparse.Namespace) -> int:
 
     result = open_store(store_path(options.store)).get(options.video, options.run)
     table, moving = result.objects, result.moving()
+    described = result.artifact("groups").description or {}
+    visible = float(described["settings"]["groups"]["visible"])
     if options.object is not None and options.object not in table["object"]:
         raise StoreError(
             f"{options.video} has no object {options.object}; there are 0 to {table['object'].max()}"
@@ -35,17 +37,22 @@ def main(options: argparse.Namespace) -> int:
     if not rows:
         print("nothing was proposed: no superpixel stands out from the camera's motion")
     for row in rows:
-        print(sentence(row, int(moving[:, row["object"]].sum())))
+        print(sentence(row, int(moving[:, row["object"]].sum()), visible))
     return 0
 
 
-def sentence(row: dict[str, Any], frames_moving: int) -> str:
-    """The evidence for one object in words."""
+def sentence(row: dict[str, Any], frames_moving: int, visible: float) -> str:
+    """The evidence for one object in words; ``visible`` is the setting ``groups.visible``."""
     seen = f"object {row['object']}: seen in {row['frames']} frames, {row['area']} pixels in all"
     evidence = (
         f"one motion for it and the static world costs {row['score']:.3f} px more than a motion of its own; "
         f"the threshold is {row['threshold']:.3f} px"
     )
+    if row["visibility"] < visible:
+        return (
+            f"{seen}; the static world's motion explains its image as well as its own flow does (error ratio "
+            f"{row['visibility']:.2f}, needed {visible:.2f}): static"
+        )
     if row["group"] == 0:
         return f"{seen}; {evidence}: static"
     joined = "" if row["score"] > row["threshold"] else ", joined by nearness and time to a thing that moves"

@@ -35,13 +35,14 @@ def _shots(
     frames, area = _displayed(task.inputs["labels"], int(found[-1].objects[-1]) + 1 if found else 1)
     groups = things = 0
     for span in found:
-        answer = _group(task, span)
+        visibility = read_visibility(task.inputs["statistics"], span)
+        answer = _group(task, span, visibility)
         warnings += [
             text if len(found) == 1 else f"frames {span.start} to {span.stop - 1}: {text}"
             for text in answer.warnings
         ]
         own = slice(0 if not columns else 1, None)
-        for name, values in _columns(answer, groups, things).items():
+        for name, values in {**_columns(answer, groups, things), "visibility": visibility}.items():
             columns.setdefault(name, []).append(values[own])
         groups, things = groups + int(answer.group.max()), things + int(answer.thing.max())
         yield (
@@ -59,7 +60,7 @@ def _shots(
     facts["warnings"] = warnings
 
 
-def _group(task: Task, span: Span) -> ShotGroups:
+def _group(task: Task, span: Span, visibility: NDArray[np.float64]) -> ShotGroups:
     statistics = task.inputs["statistics"]
 
     def shot() -> Iterator[PairGrams]:
@@ -67,7 +68,8 @@ def _group(task: Task, span: Span) -> ShotGroups:
 
     affinity = task.inputs["affinity"].read_table(0, span.name)["affinity"]
     pieces = read_pieces(statistics, span)
-    return group_shot(shot, pieces, affinity, task.grid, task.settings.motion.model, task.settings.groups)
+    model = task.settings.motion.model
+    return group_shot(shot, pieces, affinity, task.grid, model, task.settings.groups, visibility)
 
 
 def _columns(answer: ShotGroups, groups: int, things: int) -> dict[str, NDArray[Any]]:
@@ -102,6 +104,18 @@ def each_pair(statistics: Artifact, span: Span) -> Iterator[PairGrams]:
         for k in np.flatnonzero(table["valid"]):
             if span.start <= a + k < span.stop - 1:
                 yield PairGrams(int(a + k) - span.start, ids, table["gram"][k][keep], table["cells"][k])
+
+
+def read_visibility(statistics: Artifact, span: Span) -> NDArray[np.float64]:
+    """(objects of the shot,) what the world's motion leaves unexplained over what the flow does."""
+    total = np.zeros((len(span.objects), 2))
+    for part, a, _ in overlapping(statistics, span.start, span.stop):
+        table = statistics.read_table(part)
+        keep, ids = local_ids(table["object"], span)
+        for k, values in enumerate(table["unexplained"]):
+            if span.start <= a + k < span.stop - 1:
+                total[ids] += values[keep]
+    return total[:, 0] / np.maximum(total[:, 1], 1e-9)
 
 
 def read_pieces(statistics: Artifact, span: Span) -> Pieces:

@@ -8,15 +8,16 @@ from numpy.typing import NDArray
 
 from zsmoseg.linking import measure_pieces
 from zsmoseg.motion.models import SIZE
-from zsmoseg.motion.statistics import pair_statistics
+from zsmoseg.motion.photometric import explained, grey, world_motion
+from zsmoseg.motion.statistics import UNUSED, pair_statistics, slots
 from zsmoseg.workflows.reading import read_states
 from zsmoseg.workflows.stage import Left, Stage, Task
 
 
 def task(task: Task) -> Left:
-    """``gram`` (pair, slot, 11, 11), ``cells`` (pair, cell, 11, 11), and the tables of the pieces."""
+    """``gram`` (pair, slot, 11, 11), ``cells`` (pair, cell, 11, 11), ``unexplained`` (pair, slot, world or flow), pieces."""
     labels = shrink(task.inputs["labels"].read("label", task.start, task.stop), *task.grid)
-    frames = task.inputs["frames"].read("frame", task.start, task.stop)
+    frames = task.inputs["frames"].read("frame", task.start, min(task.stop + 1, task.frames))
     ignore = task.ignored
     ids = np.union1d([0], np.unique(labels)).astype(np.int64)
     s = task.settings.statistics
@@ -26,15 +27,23 @@ def task(task: Task) -> Left:
     flow = task.inputs["flow"].read("forward", task.start, task.last_pair)
     depth = task.inputs["depth"]
     known = depth.read("inverse_depth", task.start, task.stop) if depth.has("inverse_depth") else None
+    unexplained = np.zeros((len(grams), len(ids), 2))
+    looks = [grey(frame) for frame in frames]
     for m in np.flatnonzero(valid):
         grams[m] = pair_statistics(labels[m], ids, flow[m], None if known is None else known[m], ignore, s)
-    pieces = measure_pieces(labels, frames, ids)
+        world = world_motion(grams[m, 0], grams[m, : len(ids)].sum(0), labels.shape[1:])
+        slot = slots(labels[m], ids)
+        if ignore is not None:
+            slot[ignore] = UNUSED
+        unexplained[m] = explained(looks[m], looks[m + 1], flow[m], world, slot, len(ids))
+    pieces = measure_pieces(labels, frames[: task.stop - task.start], ids)
     return Left(
         tables={
             "object": ids,
             "valid": valid,
             "gram": grams[:, : len(ids)],
             "cells": grams[:, len(ids) :],
+            "unexplained": unexplained,
             "area": pieces.area,
             "box": pieces.box,
             "colour": pieces.colour,
@@ -52,7 +61,7 @@ STAGE = Stage(
     "statistics",
     1,
     task,
-    inputs={"frames": 0, "flow": 0, "depth": 0, "labels": 0},
+    inputs={"frames": 1, "flow": 0, "depth": 0, "labels": 0},
     sections=("frames", "statistics", "ignore"),
     cost=(5.8, 19.0),
 )

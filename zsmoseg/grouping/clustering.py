@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.cluster import KMeans
 
 from zsmoseg.motion.models import Floats
 
@@ -57,7 +56,8 @@ def by_weight(member: NDArray[np.integer], weight: Floats) -> Labels:
 def spectral(affinity: Floats, clusters: int, weight: Floats | None = None) -> tuple[Labels, Floats]:
     """Normalised spectral clustering with rows of length 1 (Ng, Jordan, Weiss 2002).
 
-    With ``weight`` every object counts as that many equal copies of itself. Objects of degree 0 form group 0.
+    With ``weight`` every object counts as that many equal copies of itself. Objects of degree 0, whose rows are
+    0, are kept together. There are as many clusters as asked for, if there are as many objects.
 
     Returns
     -------
@@ -67,22 +67,30 @@ def spectral(affinity: Floats, clusters: int, weight: Floats | None = None) -> t
     w = np.ones(count) if weight is None else np.maximum(weight / max(weight.max(), 1e-12), 1e-9)
     degree = affinity @ w
     scale = np.sqrt(w / np.where(degree > 0, degree, np.inf))
-    values, vectors = np.linalg.eigh(
-        (scale[:, None] * affinity * scale[None, :] + (scale[:, None] * affinity * scale[None, :]).T) / 2
-    )
+    matrix = scale[:, None] * affinity * scale
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
     order = np.argsort(-values, kind="stable")
+    if clusters <= 1:
+        return np.zeros(count, np.int64), values[order]
     rows = vectors[:, order[:clusters]]
     length = np.linalg.norm(rows, axis=1, keepdims=True)
     rows = np.where(length > 1e-12, rows / np.maximum(length, 1e-12), 0.0)
-    if clusters <= 1:
-        return np.zeros(count, np.int64), values[order]
-    different = len(np.unique(np.round(rows, 9), axis=0))
-    if different < clusters:
-        return np.unique(np.round(rows, 9), axis=0, return_inverse=True)[1].reshape(-1).astype(
-            np.int64
-        ), values[order]
-    means = KMeans(clusters, n_init=20, random_state=0).fit(rows, sample_weight=w)
-    return means.labels_.astype(np.int64), values[order]
+    return k_means(rows, min(clusters, count), w), values[order]
+
+
+def k_means(rows: Floats, clusters: int, weight: Floats) -> Labels:
+    """Exactly ``clusters`` clusters of ``rows`` (N, d); equal rows are parted only if they must be."""
+    from sklearn.cluster import KMeans
+
+    different, label = np.unique(np.round(rows, 9), axis=0, return_inverse=True)
+    label = label.reshape(-1).astype(np.int64)
+    if len(different) > clusters:
+        found = KMeans(clusters, n_init=20, random_state=0).fit(rows, sample_weight=weight)
+        label = found.labels_.astype(np.int64)
+    while len(np.unique(label)) < clusters:
+        names, members = np.unique(label, return_counts=True)
+        label[np.flatnonzero(label == names[members.argmax()])[-1]] = names.max() + 1
+    return label
 
 
 def agreement(affinity: Floats, label: Labels, weight: Floats) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,9 @@ class Decision:
         return float(self.score.max(initial=0.0) / self.largest) if self.largest else 0.0
 
 
-def decide(shot: Shot, area: Floats, model: Model, s: settings.Groups) -> Decision:
+def decide(
+    shot: Shot, area: Floats, model: Model, s: settings.Groups, visible: NDArray[np.bool_] | None = None
+) -> Decision:
     """The calibrated rule.
 
     1. The yardstick nu is the ``quantile`` of the cells' evidence, at least ``floor``; tau the strongest among the
@@ -47,6 +49,7 @@ def decide(shot: Shot, area: Floats, model: Model, s: settings.Groups) -> Decisi
     ----------
     shot : the Grams of its pairs.
     area : (N,) pixels of every object over the shot, the background first.
+    visible : (N,) false where the image shows no motion whatever the flow says: no evidence counts there.
     """
     count = len(area)
     static = np.arange(count) == 0
@@ -58,6 +61,8 @@ def decide(shot: Shot, area: Floats, model: Model, s: settings.Groups) -> Decisi
     )
     for _ in range(s.rounds):
         found = shot_evidence(shot, count, model, static, s.noise_area)
+        if visible is not None:
+            found = replace(found, score=np.where(visible, found.score, 0.0))
         largest = max(float(found.cells.max(initial=0.0)), s.floor)
         nu = max(float(np.quantile(found.cells, s.quantile)) if found.cells.size else 0.0, s.floor)
         tau = float(found.score[significant].max(initial=0.0))
@@ -71,8 +76,11 @@ def decide(shot: Shot, area: Floats, model: Model, s: settings.Groups) -> Decisi
 
 
 def threshold_of(nu: float, largest: float, tau: float, s: settings.Groups) -> float:
-    """The threshold in px for yardstick, largest cell and strongest object; infinite where nothing moves."""
+    """The threshold in px for yardstick, largest cell and strongest object; infinite where nothing moves.
+
+    Who asks for two groups or more says that something moves.
+    """
     clear = tau >= s.clear and tau >= s.clear_cells * largest
-    if tau < s.exist * largest and not clear:
+    if s.count in ("auto", 1) and tau < s.exist * largest and not clear:
         return float("inf")
     return min(max(float(np.sqrt(nu * tau)), s.top_fraction * tau), s.certain * nu, s.keep * tau)

@@ -44,6 +44,7 @@ def group_shot(
     shape: tuple[int, int],
     model: str,
     s: settings.Groups,
+    visibility: Floats | None = None,
 ) -> ShotGroups:
     """Decide, group, link.
 
@@ -54,34 +55,65 @@ def group_shot(
     affinity : (N, N), used by the rule ``spectral``.
     shape : height and width of the working grid.
     model : name of the motion model.
+    visibility : (N,) what the world's motion leaves unexplained of an object's pixels over what its flow does;
+        None: there are no pictures.
     """
     support = pieces.area.sum(0).astype(np.float64)
     support[0] = 0.0
     area = pieces.area.sum(0).astype(np.float64)
-    decision = decide(shot, area, MODELS[model], s)
+    visible = None if visibility is None else visibility >= s.visible
+    decision = decide(shot, area, MODELS[model], s, visible)
     summary = _summarise(shot, len(support))
-    near = nearness(pieces, summary.velocity, shape, s)
-    warnings = _warn(support, s)
     eigenvalues = np.zeros(0)
     if s.rule == "spectral":
         group, eigenvalues = spectral_groups(affinity, area, s)
+        near = nearness(pieces, summary.velocity, shape, np.flatnonzero(group > 0), s)
     else:
-        group = linked_groups(shot, pieces, decision, near, summary.pairs, MODELS[model], s)
+        chosen = _choose(pieces, decision, support, summary.pairs, s)
+        near = nearness(pieces, summary.velocity, shape, np.flatnonzero(chosen.strong | chosen.open), s)
+        group = linked_groups(shot, chosen, decision, near, summary.pairs, support, MODELS[model], s)
     group = _renumber(group, support)
     thing = connected(group, near.distance <= 1, support)
-    threshold = decision.threshold if s.rule == "calibrated" and s.count == "auto" else np.inf
-    moving, margin = motion_state(decision.evidence.pairs, len(pieces.area), group, threshold, s)
+    moving, margin = motion_state(
+        decision.evidence.pairs, len(pieces.area), group, _thresholds(decision, group, s), s
+    )
+    warnings = _warn(pieces.area[:, 1:] > 0, group, s)
     moving &= pieces.area > 0
     return ShotGroups(group, thing, moving, margin, decision, eigenvalues, warnings)
 
 
-def _warn(support: Floats, s: settings.Groups) -> list[str]:
-    objects = int((support > 0).sum())
+def _warn(seen: NDArray[np.bool_], group: Labels, s: settings.Groups) -> list[str]:
+    """What deserves a word; ``seen`` (T, objects without the background)."""
+    frames = seen.sum(0)
+    objects, brief = int((frames > 0).sum()), int((frames == 1).sum())
     if objects == 0:
         return ["no object stands out from the camera's motion: everything is static"]
     out = ["there is one object only"] if objects == 1 else []
-    if s.count != "auto" and s.count > objects + 1:
-        out.append(f"{s.count} groups asked for, but there are {objects} objects and the background")
+    if brief:
+        out.append(f"{brief} of {objects} objects are seen in one frame only, which proves no motion")
+    if s.count != "auto" and s.count > len(np.unique(group)):
+        out.append(
+            f"{s.count} groups asked for, but there are {objects} objects and the background: "
+            f"{len(np.unique(group))} groups"
+        )
+    if s.count == "auto" and not group.any():
+        out.append("no object moves against the background: the whole frame moves as one")
+    if s.rule == "spectral":
+        apart = int(np.count_nonzero(~(seen.T.astype(np.int64) @ seen > 0)[frames > 0][:, frames > 0])) // 2
+        if apart:
+            out.append(f"{apart} pairs of objects are never seen together: their affinity is inferred")
+    return out
+
+
+def _thresholds(decision: Decision, group: Labels, s: settings.Groups) -> Floats:
+    """(N,) px above which an object moves at a pair.
+
+    The decision's; what moves by other evidence (a given number of groups, another rule, a piece of a thing)
+    is held to its own mean.
+    """
+    out = np.full(len(group), decision.threshold)
+    movers = group > 0
+    out[movers] = np.maximum(np.minimum(out[movers], s.keep * decision.score[movers]), 1e-6)
     return out
 
 
@@ -111,12 +143,33 @@ def _summarise(shot: Shot, count: int) -> _Summary:
     return _Summary(pairs, np.array(means))
 
 
+@dataclass(frozen=True)
+class _Chosen:
+    """(N,) objects that make groups, and objects that may join one."""
+
+    strong: NDArray[np.bool_]
+    open: NDArray[np.bool_]
+
+
+def _choose(
+    pieces: Pieces, decision: Decision, support: Floats, pairs: NDArray[np.int64], s: settings.Groups
+) -> _Chosen:
+    strong = _strong(decision, support, pairs, s)
+    if not strong.any():
+        return _Chosen(strong, strong)
+    seen: NDArray[np.bool_] = np.greater(pieces.area, 0)
+    covered = (seen & seen[:, strong].any(axis=1, keepdims=True)).sum(0) > s.overlap * seen.sum(0)
+    hidden = ~covered & (decision.score > s.weak * decision.threshold)
+    return _Chosen(strong, (support > 0) & ~strong & (decision.moving | hidden | (pairs < s.frames)))
+
+
 def linked_groups(
     shot: Shot,
-    pieces: Pieces,
+    chosen: _Chosen,
     decision: Decision,
     near: Nearness,
     pairs: NDArray[np.int64],
+    support: Floats,
     model: Model,
     s: settings.Groups,
 ) -> Labels:
@@ -131,24 +184,17 @@ def linked_groups(
     3. What joins nothing is static.
     """
     group = np.zeros(len(pairs), np.int64)
-    support = pieces.area.sum(0).astype(np.float64)
-    support[0] = 0.0
-    strong = _strong(decision, support, pairs, s)
-    if not strong.any():
+    if not chosen.strong.any():
         return group
-    seen: NDArray[np.bool_] = np.greater(pieces.area, 0)
-    covered = (seen & seen[:, strong].any(axis=1, keepdims=True)).sum(0) > s.overlap * seen.sum(0)
-    hidden = ~covered & (decision.score > s.weak * decision.threshold)
-    open_ = (support > 0) & ~strong & (decision.moving | hidden | (pairs < s.frames))
-    ids = np.flatnonzero(strong | open_)
+    ids = np.flatnonzero(chosen.strong | chosen.open)
     cost = pair_costs(shot, ids, len(pairs), model, s)
     proof = cost.pairs / (cost.pairs + s.frames)
     apart = cost.together / cost.tolerance * np.where(cost.pairs > 0, proof, 1.0)
     ratio = np.where(near.goes_on, np.minimum(apart, 0.5), apart)
-    members = np.flatnonzero(strong)
+    members = np.flatnonzero(chosen.strong)
     clusters = None if s.count == "auto" else min(s.count - 1, len(members))
     group[members] = average_linkage(ratio[np.ix_(members, members)], support[members], clusters)
-    _join(group, open_, near, cost, pairs, decision, support, s)
+    _join(group, chosen.open, near, cost, pairs, decision, support, s)
     return group
 
 
@@ -245,6 +291,7 @@ def spectral_groups(affinity: Floats, area: Floats, s: settings.Groups) -> tuple
     """
     ids = np.flatnonzero((area > 0) | (np.arange(len(area)) == 0))
     block, weight = affinity[np.ix_(ids, ids)], np.maximum(area[ids], 1.0)
+    block = block / max(float(block.max()), 1e-12)
     if s.equal:
         weight = np.ones_like(weight)
     if s.count == "auto":

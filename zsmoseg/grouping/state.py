@@ -14,39 +14,39 @@ def motion_state(
     pairs: list[PairEvidence],
     frames: int,
     group: NDArray[np.int64],
-    threshold: float,
+    threshold: Floats,
     s: settings.Groups,
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Moving (frames, N), and margin (frames, N) = ln(excess / threshold), NaN where unknown.
+    """Moving (frames, N), and margin (frames, N) = ln(excess / threshold (N,)), NaN where unknown.
 
     The excess is the median over ``state_window`` pairs. A state changes to moving above ``state_high``
     thresholds, to resting below ``state_low``, else it stays; unseen pairs keep it. The last frame repeats the last
     pair. Objects of the static group never move; a mover without evidence of its own moves wherever it is.
     """
-    excess = np.full((frames, len(group)), np.nan)
+    excess = np.full((max(frames - 1, 1), len(group)), np.nan)
     for e in pairs:
         excess[e.pair, e.ids] = e.excess
-    if frames > 1:
-        excess[-1] = excess[-2]
     smooth = median_filter(excess, s.state_window)
-    margin = (
-        np.log(np.maximum(smooth, 1e-6) / threshold)
-        if np.isfinite(threshold)
-        else np.full_like(smooth, np.nan)
-    )
-    moving = np.zeros((frames, len(group)), np.bool_)
+    smooth = np.concatenate([smooth, smooth[-1:]])[:frames]
+    margin = np.full(smooth.shape, np.nan)
+    some = np.isfinite(threshold)
+    margin[:, some] = np.log(np.maximum(smooth[:, some], 1e-6) / threshold[some])
+    moving = np.zeros(smooth.shape, np.bool_)
     for n in np.flatnonzero(group > 0):
-        known = np.flatnonzero(np.isfinite(margin[:, n]))
-        now = not len(known) or bool(margin[known[0], n] > 0)
-        for t in range(frames):
-            if np.isfinite(margin[t, n]):
-                now = (
-                    bool(margin[t, n] > np.log(s.state_low))
-                    if now
-                    else bool(margin[t, n] > np.log(s.state_high))
-                )
-            moving[t, n] = now
+        moving[:, n] = hysteresis(margin[:, n], np.log(s.state_low), np.log(s.state_high))
     return moving, margin.astype(np.float32)
+
+
+def hysteresis(margin: Floats, low: float, high: float) -> NDArray[np.bool_]:
+    """States (T,): on above ``high``, off below ``low``, else as before; the first value decides by its sign."""
+    known = margin[np.isfinite(margin)]
+    now = not len(known) or bool(known[0] > 0)
+    out = np.zeros(len(margin), np.bool_)
+    for t, value in enumerate(margin):
+        if np.isfinite(value):
+            now = bool(value > (low if now else high))
+        out[t] = now
+    return out
 
 
 def median_filter(values: Floats, window: int) -> Floats:

@@ -40,7 +40,7 @@ def own_cost(gram: Floats, model: Model, frame: Floats) -> Floats:
     square, right, constant, pixels = moments(gram, model)
     theta = _solve(square, right, pixels, model, frame)
     moved = (square @ theta[..., None])[..., 0]
-    return np.maximum((theta * (moved - 2 * right)).sum(-1) + constant, 0.0)
+    return np.asarray(np.maximum((theta * (moved - 2 * right)).sum(-1) + constant, 0.0))
 
 
 def _solve(square: Floats, right: Floats, pixels: Floats, model: Model, frame: Floats) -> Floats:
