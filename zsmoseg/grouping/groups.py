@@ -44,6 +44,7 @@ def group_shot(
     shape: tuple[int, int],
     model: str,
     s: settings.Groups,
+    visibility: Floats | None = None,
 ) -> ShotGroups:
     """Decide, group, link.
 
@@ -54,11 +55,14 @@ def group_shot(
     affinity : (N, N), used by the rule ``spectral``.
     shape : height and width of the working grid.
     model : name of the motion model.
+    visibility : (N,) what the world's motion leaves unexplained of an object's pixels over what its flow does;
+        None: there are no pictures.
     """
     support = pieces.area.sum(0).astype(np.float64)
     support[0] = 0.0
     area = pieces.area.sum(0).astype(np.float64)
-    decision = decide(shot, area, MODELS[model], s)
+    visible = None if visibility is None else visibility >= s.visible
+    decision = decide(shot, area, MODELS[model], s, visible)
     summary = _summarise(shot, len(support))
     eigenvalues = np.zeros(0)
     if s.rule == "spectral":
