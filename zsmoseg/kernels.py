@@ -97,11 +97,11 @@ def connected(cluster: Array, smallest: int) -> Array:
 
 @nb.njit(cache=True)
 def measure_frame(
-    segment: Array, count: int, lab: Array, texture: Array, valid: Array
+    segment: Array, count: int, lab: Array, detail: Array, slope: Array, valid: Array
 ) -> tuple[Array, Array, Array]:
     """Per superpixel what ``ChunkTables.node`` holds, and both sides of every step across a boundary."""
     height, width = segment.shape
-    node = np.zeros((count, 8), np.float64)
+    node = np.zeros((count, 11), np.float64)
     first, second = np.empty(2 * height * width, np.int64), np.empty(2 * height * width, np.int64)
     n = 0
     for y in range(height):
@@ -117,7 +117,10 @@ def measure_frame(
             node[k, 5] += lab[y, x, 2]
             if y < 2 or x < 2 or y >= height - 2 or x >= width - 2:
                 node[k, 6] += 1
-            node[k, 7] += texture[y, x]
+            node[k, 7] += detail[y, x] * detail[y, x]
+            node[k, 8] += slope[0, y, x] * slope[0, y, x]
+            node[k, 9] += slope[0, y, x] * slope[1, y, x]
+            node[k, 10] += slope[1, y, x] * slope[1, y, x]
             if x + 1 < width and valid[y, x + 1] and segment[y, x + 1] != k:
                 first[n], second[n] = min(k, segment[y, x + 1]), max(k, segment[y, x + 1])
                 n += 1
@@ -125,18 +128,37 @@ def measure_frame(
                 first[n], second[n] = min(k, segment[y + 1, x]), max(k, segment[y + 1, x])
                 n += 1
     for k in range(count):
-        for j in (1, 2, 3, 4, 5, 7):
+        for j in (1, 2, 3, 4, 5, 7, 8, 9, 10):
             node[k, j] /= max(node[k, 0], 1)
     return node, first[:n], second[:n]
 
 
 @nb.njit(cache=True)
+def _between(image: Array, x: float, y: float) -> float:
+    """Bilinear; outside, the nearest on the border."""
+    height, width = image.shape
+    x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
+    i, j = min(int(y), height - 2), min(int(x), width - 2)
+    fy, fx = y - i, x - j
+    above = image[i, j] * (1 - fx) + image[i, j + 1] * fx
+    below = image[i + 1, j] * (1 - fx) + image[i + 1, j + 1] * fx
+    return above * (1 - fy) + below * fy
+
+
+@nb.njit(cache=True)
 def measure_direction(
-    segment: Array, count: int, other: Array, flow: Array, reverse: Array, valid: Array
+    segment: Array,
+    count: int,
+    other: Array,
+    flow: Array,
+    reverse: Array,
+    detail: Array,
+    other_detail: Array,
+    valid: Array,
 ) -> tuple[Array, Array, Array]:
     """Per superpixel what ``ChunkTables.forth`` holds, and both ends of the path of every carried pixel."""
     height, width = segment.shape
-    out, pixels = np.zeros((count, 3), np.float64), np.zeros(count, np.float64)
+    out, pixels = np.zeros((count, 4), np.float64), np.zeros(count, np.float64)
     first, second = np.empty(height * width, np.int64), np.empty(height * width, np.int64)
     n = 0
     for y in range(height):
@@ -149,12 +171,13 @@ def measure_direction(
             out[k, 0] += u
             out[k, 1] += v
             out[k, 2] += np.sqrt((u + reverse[0, cy, cx]) ** 2 + (v + reverse[1, cy, cx]) ** 2)
+            out[k, 3] += (detail[y, x] - _between(other_detail, x + u, y + v)) ** 2
             pixels[k] += 1
             if tx == cx and ty == cy and valid[ty, tx]:
                 first[n], second[n] = k, other[ty, tx]
                 n += 1
     for k in range(count):
-        for j in range(3):
+        for j in range(4):
             out[k, j] /= max(pixels[k], 1)
     return out, first[:n], second[:n]
 

@@ -106,7 +106,8 @@ def judge(w: Window, s: settings.Objects) -> Verdict:
     thing that fills most of a frame does not pass for the background where the frames around know it.
     """
     weight = similarity(w, s.link_colour, s.link_time)
-    trust = np.maximum(w.texture / (w.texture + s.trust_texture**2), s.trust_least)
+    texture = (w.detail[:, 1] + w.detail[:, 3]) / 2
+    trust = np.maximum(texture / (texture + s.trust_texture**2), s.trust_least)
     trust = np.where(w.known[w.frame], trust, 1e-3)
     parted = 1 - np.exp(-from_border(w, colour_distance(w, w.edge), np.zeros(len(w.frame))) / s.border_colour)
     contrast = boundary_contrast(w, s)

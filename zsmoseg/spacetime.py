@@ -15,8 +15,8 @@ from zsmoseg.tables import REPEAT, ChunkTables
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ERROR = 2
-"""Column of ``Window.forth`` and ``Window.back``."""
+ERROR, CHANGE = 2, 3
+"""Columns of ``Window.forth`` and ``Window.back``."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Window:
     """(nodes, 3) L, a, b."""
     rim: NDArray[np.bool_]
     """(nodes) whether it touches the border of the frame."""
-    texture: Floats
-    """(nodes) mean square of the slope of the grey level, per px."""
+    detail: Floats
+    """(nodes, 4) mean square of the detail, and of its slope: xx, xy, yy."""
     edge_offset: Ints
     """(F + 1) first edge of each frame."""
     edge: Ints
@@ -53,9 +53,9 @@ class Window:
     carried: Floats
     """(links) pixels carried, both ways, each over 1 + error^2."""
     forth: Floats
-    """(nodes, 3) as in ``ChunkTables``; where there is none, ``back`` turned around."""
+    """(nodes, 4) as in ``ChunkTables``; where there is none, ``back`` turned around."""
     back: Floats
-    """(nodes, 3) the same, towards the frame before."""
+    """(nodes, 4) the same, towards the frame before."""
     known: NDArray[np.bool_]
     """(F) whether a frame has any flow at all: not so between two repeats."""
 
@@ -87,13 +87,13 @@ def window(tables: ChunkTables, start: int, shape: tuple[int, int]) -> Window:
     node = tables.node.astype(np.float64)
     moved = tables.state != REPEAT
     has_next, has_last = np.r_[moved, False], np.r_[False, moved]
-    forth, back = np.zeros((len(node), 3)), np.zeros((len(node), 3))
+    forth, back = np.zeros((len(node), 4)), np.zeros((len(node), 4))
     forth[: len(tables.forth)] = tables.forth
     back[len(back) - len(tables.back) :] = tables.back
     pair = np.repeat(np.arange(frames - 1), np.diff(tables.link_offset))
     link = tables.link.astype(np.int64) + np.stack([offset[pair], offset[pair + 1]], 1)
     reliable = 1 / (1 + np.stack([forth[link[:, 0], ERROR], back[link[:, 1], ERROR]], 1) ** 2)
-    turned = np.array([-1, -1, 1])
+    turned = np.array([-1, -1, 1, 1])
     forward, backward = has_next[frame, None], has_last[frame, None]
     edge_frame = np.repeat(np.arange(frames), np.diff(tables.edge_offset))
     return Window(
@@ -105,7 +105,7 @@ def window(tables: ChunkTables, start: int, shape: tuple[int, int]) -> Window:
         place=node[:, 1:3],
         colour=node[:, 3:6],
         rim=node[:, 6] > 0,
-        texture=node[:, 7],
+        detail=node[:, 7:11],
         edge_offset=tables.edge_offset,
         edge=tables.edge.astype(np.int64) + offset[edge_frame, None],
         boundary=tables.boundary.astype(np.float64),

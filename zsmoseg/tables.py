@@ -32,8 +32,8 @@ class ChunkTables:
     node_offset: NDArray[np.int64]
     """(F + 1) into ``node``, and into ``forth``, which lacks the last frame where P = F - 1."""
     node: NDArray[np.float32]
-    """(nodes, 8) size in px without ignored ones, mean y, x, L, a, b, pixels within 2 px of the frame's border,
-    texture: mean square of the slope of the grey level, per px."""
+    """(nodes, 11) size in px without ignored ones, mean y, x, L, a, b, pixels within 2 px of the frame's border,
+    mean square of the detail, and of its slope (xx, xy, yy) per px; see ``detail``."""
     edge_offset: NDArray[np.int64]
     """(F + 1) into ``edge`` and ``boundary``."""
     edge: NDArray[np.uint16]
@@ -43,11 +43,12 @@ class ChunkTables:
     state: NDArray[np.uint8]
     """(P) index into ``STATES``; a cut has no links and zero flow."""
     forth: NDArray[np.float32]
-    """(nodes, 3) of a pair's first frame: mean flow x, y, mean error forth and back, px."""
+    """(nodes, 4) of a pair's first frame: mean flow x, y and error forth and back, px; mean squared change of the
+    detail along the flow."""
     back_offset: NDArray[np.int64]
     """(P + 1) into ``back``."""
     back: NDArray[np.float32]
-    """(nodes, 3) the same of a pair's second frame, towards the first."""
+    """(nodes, 4) the same of a pair's second frame, towards the first."""
     link_offset: NDArray[np.int64]
     """(P + 1) into ``link`` and ``carried``."""
     link: NDArray[np.uint16]
@@ -125,17 +126,18 @@ def chunk_tables(
     """
     valid = np.ones(segments.shape[1:], np.bool_) if ignore is None else ~ignore
     counts = [int(segment.max()) + 1 for segment in segments]
+    details = [detail(frame) for frame in frames]
     node, edge, boundary = [], [], []
-    for frame, segment, count in zip(frames[:length], segments, counts, strict=False):
-        nodes, first, second = kernels.measure_frame(segment, count, lab(frame), texture(frame), valid)
+    for frame, segment, count, fine in zip(frames[:length], segments, counts, details, strict=False):
+        nodes, first, second = kernels.measure_frame(segment, count, lab(frame), fine, slope(fine), valid)
         pairs, lengths = kernels.count_pairs(first, second, count, count)
         node.append(nodes)
         edge.append(pairs)
         boundary.append(lengths)
     forth, back, link, carried = [], [], [], []
     for m, state in enumerate(states):
-        one = _Side(segments[m], counts[m], forward[m])
-        two = _Side(segments[m + 1], counts[m + 1], backward[m])
+        one = _Side(segments[m], counts[m], forward[m], details[m])
+        two = _Side(segments[m + 1], counts[m + 1], backward[m], details[m + 1])
         there, back_again, links, pixels = _pair(one, two, state, valid, s.link_least)
         forth.append(there)
         back.append(back_again)
@@ -143,25 +145,29 @@ def chunk_tables(
         carried.append(pixels)
     return ChunkTables(
         node_offset=_offsets(node),
-        node=_stack(node, 8, np.float32),
+        node=_stack(node, 11, np.float32),
         edge_offset=_offsets(edge),
         edge=_stack(edge, 2, np.uint16),
         boundary=np.concatenate(boundary).astype(np.int32),
         state=np.array([STATES.index(state) for state in states], np.uint8),
-        forth=_stack(forth, 3, np.float32),
+        forth=_stack(forth, 4, np.float32),
         back_offset=_offsets(back),
-        back=_stack(back, 3, np.float32),
+        back=_stack(back, 4, np.float32),
         link_offset=_offsets(link),
         link=_stack(link, 2, np.uint16),
         carried=_stack(carried, 2, np.int32),
     )
 
 
-def texture(frame: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """(h, w) squared slope of the grey level of a frame (h, w, 3), half of it from either direction, per px."""
-    grey = cv2.GaussianBlur(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), (3, 3), 0)
-    x, y = (cv2.Sobel(grey, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1)))
-    return np.asarray((x * x + y * y) / 2, np.float32)
+def detail(frame: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """(h, w) grey level of a frame (h, w, 3) less its mean over 9 x 9 px, slightly smoothed."""
+    grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY).astype(np.float32)
+    return np.asarray(cv2.GaussianBlur(grey - cv2.blur(grey, (9, 9)), (3, 3), 0), np.float32)
+
+
+def slope(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(2, h, w) change of an image (h, w) per px in x and y."""
+    return np.stack([cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))])
 
 
 def _offsets(parts: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
@@ -174,11 +180,18 @@ def _stack(parts: Sequence[NDArray[Any]], columns: int, dtype: type) -> NDArray[
 
 @dataclass(frozen=True)
 class _Side:
-    """One frame of a pair: its superpixels, their number, and the flow (2, h, w) to the other frame."""
+    """One frame of a pair: its superpixels, their number, the flow (2, h, w) to the other frame, the detail."""
 
     segment: NDArray[np.uint16]
     count: int
     flow: NDArray[np.float32]
+    detail: NDArray[np.float32]
+
+
+def _measure(one: _Side, two: _Side, valid: NDArray[np.bool_]) -> tuple[NDArray[Any], ...]:
+    return kernels.measure_direction(  # type: ignore[no-any-return]
+        one.segment, one.count, two.segment, one.flow, two.flow, one.detail, two.detail, valid
+    )
 
 
 def _pair(
@@ -186,9 +199,9 @@ def _pair(
 ) -> tuple[NDArray[Any], ...]:
     """Both directions of one pair: statistics of either frame, links, and the pixels they carry."""
     if state == "cut":
-        return (np.zeros((one.count, 3)), np.zeros((two.count, 3)), np.zeros((0, 2)), np.zeros((0, 2)))
-    there, i, j = kernels.measure_direction(one.segment, one.count, two.segment, one.flow, two.flow, valid)
-    back, k, h = kernels.measure_direction(two.segment, two.count, one.segment, two.flow, one.flow, valid)
+        return (np.zeros((one.count, 4)), np.zeros((two.count, 4)), np.zeros((0, 2)), np.zeros((0, 2)))
+    there, i, j = _measure(one, two, valid)
+    back, k, h = _measure(two, one, valid)
     # forth and back are counted as one, a path back beyond the numbers of the second frame to tell them apart
     ends = np.r_[j, k + two.count]
     pairs, times = kernels.count_pairs(np.r_[i, h], ends, one.count, 2 * two.count)
