@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from zsmoseg import kernels, settings
 from zsmoseg.appearance import vote
 from zsmoseg.spacetime import (
+    CHANGE,
     ERROR,
     Floats,
     Window,
@@ -111,10 +112,11 @@ def judge(w: Window, s: settings.Objects) -> Verdict:
     trust = np.where(w.known[w.frame], trust, 1e-3)
     parted = 1 - np.exp(-from_border(w, colour_distance(w, w.edge), np.zeros(len(w.frame))) / s.border_colour)
     contrast = boundary_contrast(w, s)
-    moving = motion(w, camera_residual(w, w.size, s), s) * parted
+    moving = motion(w, camera_residual(w, own_motion(w, w.size, s)), s) * parted
     x = diffuse(weight, moving, s.spread, trust, 1e-2)
     soft = _soft(w, x, thresholds(w, x, contrast, s), s)
-    residual = camera_residual(w, w.size * (1 - soft), s)
+    own = own_motion(w, w.size * (1 - soft), s)
+    residual = camera_residual(w, own)
     moving = motion(w, residual, s) * parted
     both = np.stack([moving, moving * cleanness(w, residual, s)], 1)
     x, clean = diffuse(weight, both, s.spread, trust).T
@@ -122,7 +124,8 @@ def judge(w: Window, s: settings.Objects) -> Verdict:
     threshold = thresholds(w, x, contrast, s)
     score = np.clip((threshold - s.threshold) / (s.threshold_sure - s.threshold), 0, 1)
     soft = _soft(w, x, threshold, s)
-    x = diffuse(weight, (soft + vote(w, soft, s)) / 2, s.spread)
+    seen = soft * visibility(w, own, residual, s)
+    x = diffuse(weight, (seen + vote(w, soft, s)) / 2, s.spread)
     return Verdict(_logit(w, x, thresholds(w, x, contrast, s), s), score)
 
 
@@ -134,8 +137,8 @@ def _soft(w: Window, x: Floats, threshold: Floats, s: settings.Objects) -> Float
     return np.asarray(1 / (1 + np.exp(-_logit(w, x, threshold, s))))
 
 
-def camera_residual(w: Window, weight: Floats, s: settings.Objects) -> Floats:
-    """(nodes) how far the motion is from the camera's, px: mean of both directions, each over 1 + error^2.
+def own_motion(w: Window, weight: Floats, s: settings.Objects) -> tuple[Floats, Floats]:
+    """(nodes, 2) each: what the flow forth, and back, is beyond the camera's motion, px.
 
     The camera's motion is a quadratic field, fitted in each frame and direction to the nodes with a ``weight``
     (nodes) by iteratively re-weighted least squares: weights over (1 + (r / scale)^2)^2, scale = 1.48 median of
@@ -144,14 +147,18 @@ def camera_residual(w: Window, weight: Floats, s: settings.Objects) -> Floats:
     height, width = w.shape
     y, x = ((w.place - [height / 2, width / 2]) / (width / 2)).T
     basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 1)
-    total, reliable = np.zeros(len(x)), np.zeros(len(x))
-    for flow in (w.forth, w.back):
+
+    def residual(flow: Floats) -> Floats:
         field = kernels.fit_quadratic(w.offset, basis, flow, weight, s.camera_rounds, 0.1)
-        residual = flow[:, :2] - np.einsum("nk,nkc->nc", basis, field[w.frame])
-        one = 1 / (1 + flow[:, ERROR] ** 2)
-        total += one * np.hypot(*residual.T)
-        reliable += one
-    return total / reliable
+        return flow[:, :2] - np.einsum("nk,nkc->nc", basis, field[w.frame])
+
+    return residual(w.forth), residual(w.back)
+
+
+def camera_residual(w: Window, own: tuple[Floats, Floats]) -> Floats:
+    """(nodes) length of the own motion, px: mean of both directions, each over 1 + error^2."""
+    forth, back = (1 / (1 + flow[:, ERROR] ** 2) for flow in (w.forth, w.back))
+    return (forth * np.hypot(*own[0].T) + back * np.hypot(*own[1].T)) / (forth + back)
 
 
 def motion(w: Window, residual: Floats, s: settings.Objects) -> Floats:
@@ -164,15 +171,36 @@ def motion(w: Window, residual: Floats, s: settings.Objects) -> Floats:
 
 
 def relative(w: Window, x: Floats, s: settings.Objects) -> Floats:
-    """(nodes) ``x`` over what is high for a frame around this one, at most 1.
+    """(nodes) ``x`` over what is ``full`` for its frame, at most 1."""
+    return np.minimum(x / full(w, x, s)[w.frame], 1)
 
-    High is the ``top`` quantile of a frame; the median of it over the frames up to ``top_window`` away, and at
-    least ``top_least``.
-    """
+
+def full(w: Window, x: Floats, s: settings.Objects) -> Floats:
+    """(F) the ``top`` quantile of ``x``: median over the frames up to ``top_window`` away, at least ``top_least``."""
     high = np.array([np.quantile(x[w.of(t)], s.top) if w.known[t] else np.nan for t in range(w.frames)])
     around = (high[max(0, t - s.top_window) : t + s.top_window + 1] for t in range(w.frames))
     middle = np.array([np.median(part[~np.isnan(part)]) if (part > 0).any() else 0 for part in around])
-    return np.minimum(x / np.maximum(middle, s.top_least)[w.frame], 1)
+    return np.maximum(middle, s.top_least)
+
+
+def visibility(w: Window, own: tuple[Floats, Floats], residual: Floats, s: settings.Objects) -> Floats:
+    """(nodes) 0 to 1: whether its own motion shows in the picture.
+
+    Flow is carried on from things into what has no detail of its own beside them (sky, shadow, water). There the
+    camera's motion explains the picture as well as the flow does. What the own motion d would change is
+    d' G d, G the mean outer product of the slope of the detail (Lucas, Kanade 1981), and at most twice the detail;
+    it is compared with what the flow leaves unexplained. This counts as far as a node has the detail to show
+    the motion of the things in its frame.
+    """
+    detail, (xx, xy, yy) = w.detail[:, 0], w.detail[:, 1:].T
+    changed = sum(
+        np.minimum(xx * d[:, 0] ** 2 + 2 * xy * d[:, 0] * d[:, 1] + yy * d[:, 1] ** 2, 2 * detail) / 2
+        for d in own
+    )
+    left = (w.forth[:, CHANGE] + w.back[:, CHANGE]) / 2
+    excess = np.maximum((changed + 1) / (left + 1) - 1, 0)
+    would = np.minimum((xx + yy) / 2 * full(w, residual, s)[w.frame] ** 2, 2 * detail)
+    return np.asarray(1 - would / (would + s.show_detail) / (1 + excess / s.show_excess))
 
 
 def cleanness(w: Window, residual: Floats, s: settings.Objects) -> Floats:

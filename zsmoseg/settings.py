@@ -155,6 +155,12 @@ class Objects(Section):
         2.0, "slope of the grey level at which motion is half trusted", "grey levels / px", gt=0
     )
     trust_least: float = setting(0.05, "trust where there is no texture", gt=0, le=1)
+    show_detail: float = setting(
+        100.0, "squared change at which a node could show its motion half", "grey levels²", gt=0
+    )
+    show_excess: float = setting(
+        1.0, "how much more its motion explains than it leaves, at which it counts half", gt=0
+    )
     camera_rounds: int = setting(8, "re-weighted rounds of the fit of the camera's motion", ge=1, le=100)
     link_colour: float = setting(2.5, "colour distance at which a link loses 63 %", "Lab", gt=0)
     link_time: float = setting(10.0, "weight of links in time against links in space", gt=0)
