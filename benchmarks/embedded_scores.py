@@ -12,10 +12,11 @@ from __future__ import annotations
 import argparse
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -75,12 +76,14 @@ def cues(folder: Path, s: Settings, cache: Path | None = None) -> Clip:
 
 def flow_of(frames: np.ndarray, s: Settings) -> dict[str, np.ndarray]:
     """Flow of all pairs as it is stored: int16, 1/64 px."""
-    pairs = [flow.between(a, b, s.flow) for a, b in zip(frames[:-1], frames[1:], strict=True)]
+    pairs = [flow.between(a, b, s.flow) for a, b in pairwise(frames)]
     forward, backward = (np.rint(np.stack(x) * 64).astype(np.int16) for x in zip(*pairs, strict=True))
     return {"forward": forward, "backward": backward}
 
 
-def kept(cache: Path | None, name: str, label: str, make) -> dict[str, np.ndarray]:
+def kept(
+    cache: Path | None, name: str, label: str, make: Callable[[], dict[str, np.ndarray]]
+) -> dict[str, np.ndarray]:
     """Arrays from the cache, or made and put there."""
     if cache is None:
         with clock(label):

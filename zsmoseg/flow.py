@@ -40,10 +40,11 @@ def between(
     dis.setGradientDescentIterations(s.descent)
     dis.setVariationalRefinementIterations(s.refinement)
     first, second = (cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) for frame in (a, b))
-    return _planar(dis.calc(first, second, None)), _planar(dis.calc(second, first, None))
+    there, back = dis.calc(first, second, None), dis.calc(second, first, None)  # type: ignore[call-overload]
+    return _planar(there), _planar(back)
 
 
-def _planar(flow: NDArray[np.float32]) -> NDArray[np.float32]:
+def _planar(flow: NDArray[Any]) -> NDArray[np.float32]:
     return np.ascontiguousarray(np.moveaxis(flow, 2, 0), np.float32)
 
 

@@ -142,7 +142,7 @@ def _between(image: Array, x: float, y: float) -> float:
     fy, fx = y - i, x - j
     above = image[i, j] * (1 - fx) + image[i, j + 1] * fx
     below = image[i + 1, j] * (1 - fx) + image[i + 1, j + 1] * fx
-    return above * (1 - fy) + below * fy
+    return float(above * (1 - fy) + below * fy)
 
 
 @nb.njit(cache=True)

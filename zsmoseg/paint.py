@@ -47,7 +47,7 @@ def paint(
     box = _box(label > 0, 3 * s.guide_radius)
     inside = label[box]
     soft = np.zeros(label.shape, np.float32)
-    guide = frame[box].astype(np.float32) / 255
+    guide = frame[box].astype(np.float32) / np.float32(255)
     soft[box] = guided_filter(guide, (inside > 0).astype(np.float32), s.guide_radius, s.guide_eps)
     mask = cv2.resize(soft, shape[::-1], interpolation=cv2.INTER_LINEAR) > 0.5
     label[box] = spread_ids(inside)

@@ -180,7 +180,7 @@ def diffuse(
     z = kernels.conjugate_gradients(
         weight.indptr, weight.indices, weight.data.astype(np.float32), data, columns, strength, tolerance, 200
     )
-    return z[:, : x[0].size].reshape(x.shape).astype(np.float64)
+    return np.asarray(z[:, : x[0].size].reshape(x.shape), np.float64)
 
 
 def windowed(rows: Floats, radius: int) -> Floats:

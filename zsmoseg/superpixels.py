@@ -43,10 +43,11 @@ def segment(frame: NDArray[np.uint8], s: settings.Segments) -> NDArray[np.uint16
             f"use {np.sqrt(2 * height * width / MOST):.1f} or more"
         )
     clusters = kernels.slic(lab(frame), s.pitch, s.compactness, s.passes)
-    return kernels.connected(clusters, height * width // (4 * (int(clusters.max()) + 1))).astype(np.uint16)
+    pieces = kernels.connected(clusters, height * width // (4 * (int(clusters.max()) + 1)))
+    return np.asarray(pieces, np.uint16)
 
 
 def lab(frame: NDArray[np.uint8]) -> NDArray[np.float32]:
     """CIE Lab (L 0 to 100) of a frame (h, w, 3), blurred by 3 x 3 px."""
     colour = cv2.cvtColor(frame.astype(np.float32) / np.float32(255), cv2.COLOR_BGR2LAB)
-    return cv2.GaussianBlur(colour, (3, 3), 0)
+    return np.asarray(cv2.GaussianBlur(colour, (3, 3), 0), np.float32)
