@@ -32,6 +32,8 @@ CAMERAS: tuple[Camera, ...] = ("still", "pan", "lateral", "forward", "general")
 
 FASTEST = 60.0
 """px a frame that no flow scene exceeds."""
+SHOWN = 48
+"""px below which an object is too small for a scene's truth to ask for it."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,26 @@ class Scene:
     def truth(self) -> NDArray[np.int64]:
         """(T, H, W) true motion group of every pixel, 0 = static."""
         return self.group[self.labels]
+
+    @property
+    def pictures(self) -> NDArray[np.uint8]:
+        """(T, H, W, 3) the frames; of a scene that was not rendered every object in a colour of its own."""
+        if self.frames is not None:
+            return self.frames
+        palette = np.random.default_rng(0).integers(0, 256, (self.objects, 3), np.uint8)
+        return palette[self.labels]
+
+    def right(self, group: NDArray[np.integer[Any]]) -> tuple[bool, bool]:
+        """Whether groups (N,) are the true ones but for names, and whether static and moving are.
+
+        Objects with fewer than ``SHOWN`` px in all frames, or all but one, are not asked for.
+        """
+        pixels = np.stack([np.bincount(label.ravel(), minlength=self.objects) for label in self.labels[:-1]])
+        shown = (pixels >= SHOWN).sum(0) >= 2
+        found, true = group[shown], self.group[shown]
+        both = bool(((found > 0) == (true > 0)).all())
+        names = set(zip(found.tolist(), true.tolist(), strict=True))
+        return both and len(names) == len(np.unique(found)) == len(np.unique(true)), both
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
 """Least-squares fits of the motion models, from Gram matrices alone.
 
-The rule for degenerate objects (few pixels, a line of pixels, constant depth): what the pixels of an object do not
-determine is taken from the fit to the whole frame, not from zero. The normal matrix is scaled to the unit diagonal
-of the whole frame and solved by Tikhonov regularisation towards that fit, iterated so that whatever is
-determined better than 1e-5 of the frame's is exact to 1e-9.
+The rule for degenerate objects (few pixels, a line of pixels, constant depth): what the pixels of an object do
+not determine is taken from the fit to the whole frame, not from zero. The normal matrix is measured in the metric
+of the whole frame, so that scale, shift and plane of inverse depth do not matter, and solved by Tikhonov
+regularisation towards the frame's fit, iterated so that whatever is determined better than 1e-5 of the frame's is
+exact to 1e-9. What the frame itself does not determine is nought.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 from zsmoseg.motion.models import BASIS, Floats, Model
 
 RIDGE = 1e-8
+SINGULAR = 1e-12
+"""Part of the largest eigenvalue below which the frame does not determine a combination of parameters."""
 STEPS = 3
 """Refinements after the first solution: the bias falls from (ridge / eigenvalue) to its 4th power."""
 
@@ -46,16 +49,22 @@ def own_cost(gram: Floats, model: Model, frame: Floats) -> Floats:
 def _solve(square: Floats, right: Floats, pixels: Floats, model: Model, frame: Floats) -> Floats:
     all_square, all_right, _, all_pixels = moments(frame, model)
     total = max(float(all_pixels), 1.0)
-    unit = np.sqrt(np.maximum(np.diagonal(all_square), 1e-12 * total) / total)
-    identity = np.eye(model.parameters)
-    scaled = all_square / total / unit[:, None] / unit
-    toward = np.linalg.solve(scaled + 1e-10 * identity, all_right / total / unit) / unit
+    white = _whitening(all_square / total)
+    toward = white @ (white.T @ all_right) / total
     count = np.maximum(pixels, 1e-12)[..., None]
-    left = square / count[..., None] / unit[:, None] / unit
-    goal = (right - (square @ toward[..., None])[..., 0]) / count / unit
-    inverse = np.linalg.inv(left + RIDGE * identity)
+    left = white.T @ square @ white / count[..., None]
+    goal = (right - (square @ toward[..., None])[..., 0]) @ white / count
+    inverse = np.linalg.inv(left + RIDGE * np.eye(white.shape[1]))
     step = (inverse @ goal[..., None])[..., 0]
     for _ in range(STEPS):
         rest = goal - (left @ step[..., None])[..., 0]
         step = step + (inverse @ rest[..., None])[..., 0]
-    return np.asarray(toward + np.where(pixels[..., None] > 0, step / unit, 0.0))
+    return np.asarray(toward + np.where(pixels[..., None] > 0, step @ white.T, 0.0))
+
+
+def _whitening(square: Floats) -> Floats:
+    """(P, K) combinations of parameters that the frame determines, each of mean square 1 over its pixels."""
+    unit = np.sqrt(np.maximum(np.diagonal(square), 1e-12))
+    values, vectors = np.linalg.eigh(square / unit[:, None] / unit)
+    known = values > SINGULAR * max(float(values[-1]), SINGULAR)
+    return np.asarray(vectors[:, known] / np.sqrt(values[known]) / unit[:, None])
