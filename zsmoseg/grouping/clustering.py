@@ -56,8 +56,8 @@ def by_weight(member: NDArray[np.integer], weight: Floats) -> Labels:
 def spectral(affinity: Floats, clusters: int, weight: Floats | None = None) -> tuple[Labels, Floats]:
     """Normalised spectral clustering with rows of length 1 (Ng, Jordan, Weiss 2002).
 
-    With ``weight`` every object counts as that many equal copies of itself. Objects of degree 0, whose rows are
-    0, are kept together. There are as many clusters as asked for, if there are as many objects.
+    With ``weight`` every object counts as that many equal copies of itself. An object without any affinity is
+    a component of its own. There are as many clusters as asked for, if there are as many objects.
 
     Returns
     -------
@@ -68,6 +68,8 @@ def spectral(affinity: Floats, clusters: int, weight: Floats | None = None) -> t
     degree = affinity @ w
     scale = np.sqrt(w / np.where(degree > 0, degree, np.inf))
     matrix = scale[:, None] * affinity * scale
+    alone = np.flatnonzero(degree <= 0)
+    matrix[alone, alone] = 1.0
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
     order = np.argsort(-values, kind="stable")
     if clusters <= 1:

@@ -113,8 +113,8 @@ def _thresholds(decision: Decision, group: Labels, s: settings.Groups) -> Floats
     """
     out = np.full(len(group), decision.threshold)
     movers = group > 0
-    out[movers] = np.maximum(np.minimum(out[movers], s.keep * decision.score[movers]), 1e-6)
-    return out
+    out[movers] = np.minimum(out[movers], s.keep * decision.score[movers])
+    return np.maximum(out, 1e-6)
 
 
 # ------------------------------------------------------------------ the default rule
