@@ -31,7 +31,7 @@ def task(task: Task) -> Left:
     looks = [grey(frame) for frame in frames]
     for m in np.flatnonzero(valid):
         grams[m] = pair_statistics(labels[m], ids, flow[m], None if known is None else known[m], ignore, s)
-        world = world_motion(grams[m, 0], grams[m, : len(ids)].sum(0), labels.shape[1:])
+        world = world_motion(grams[m, 0], grams[m, : len(ids)].sum(0))
         slot = slots(labels[m], ids)
         if ignore is not None:
             slot[ignore] = UNUSED

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.motion.fit import fit
-from zsmoseg.motion.models import BASIS, MODELS, Floats, coordinates
+from zsmoseg.motion.models import MODELS, Floats, coordinates
 
 Image = NDArray[np.float32]
 BLUR = 1.0
@@ -26,48 +26,53 @@ def grey(frame: NDArray[np.uint8]) -> Image:
     )
 
 
-def world_motion(gram: Floats, frame: Floats, shape: tuple[int, int]) -> Image:
-    """(2, h, w) px: the quadratic motion (paper, equation 2) of the background with the Gram ``gram`` (11, 11).
+def world_motion(gram: Floats, frame: Floats) -> Floats:
+    """(2, 6): the quadratic motion (paper, equation 2) of the background with the Gram ``gram`` (11, 11), px.
+
+    Factors of 1, x, y, x^2, x y, y^2 for u and v; coordinates as in ``models.coordinates``.
 
     Parameters
     ----------
     frame : (11, 11) the Gram of the whole frame.
-    shape : (h, w).
     """
     model = MODELS["quadratic"]
     theta = fit(gram[None], model, frame)[0]
-    x, y = np.meshgrid(*coordinates(*shape))
-    zero = np.zeros_like(x)
-    phi = np.stack([np.ones_like(x), x, y, zero, zero, zero, x * x, x * y, y * y], -1)
-    assert phi.shape[-1] == BASIS
-    return np.stack([phi @ (model.rows_u @ theta), phi @ (model.rows_v @ theta)]).astype(np.float32)
-
-
-def unexplained(a: Image, b: Image, flow: Image) -> Image:
-    """(h, w) squared difference of ``a`` (h, w) and what ``flow`` (2, h, w) px finds for it in ``b``, grey levels^2."""
-    height, width = a.shape
-    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    found = cv2.remap(b, x + flow[0], y + flow[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray((found - a) ** 2, np.float32)
+    return np.stack([model.rows_u @ theta, model.rows_v @ theta])[:, [0, 1, 2, 6, 7, 8]]
 
 
 def explained(
-    a: Image,
-    b: Image,
-    flow: NDArray[np.float32],
-    world: Image,
-    slot: NDArray[np.int32],
-    count: int,
+    a: Image, b: Image, flow: NDArray[np.float32], world: Floats, slot: NDArray[np.int32], count: int
 ) -> Floats:
     """(count, 2) per object: what the world's motion leaves unexplained, and what the flow does, grey levels^2 x px.
 
     Parameters
     ----------
     a, b : (h, w) smoothed grey values of both frames of the pair.
-    flow, world : (2, h, w) px.
-    slot : (h, w) object of every pixel; below 0 counts for nothing.
+    flow : (2, h, w) px.
+    world : (2, 6) as ``world_motion`` gives it.
+    slot : (h, w) object of every pixel; the background and what is below 0 are left out.
     """
-    used = slot >= 0
-    return np.stack(
-        [np.bincount(slot[used], unexplained(a, b, f)[used], count) for f in (world, flow)], axis=1
-    )
+    rows, columns = np.flatnonzero((slot > 0).any(1)), np.flatnonzero((slot > 0).any(0))
+    if not len(rows):
+        return np.zeros((count, 2))
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    x, y = (axis.astype(np.float32) for axis in coordinates(*slot.shape))
+    one, x, y = np.float32(1), x[None, box[1]], y[box[0], None]
+    by_world = [
+        sum(c * m for c, m in zip(f, (one, x, y, x * x, x * y, y * y), strict=True))
+        for f in world.astype(np.float32)
+    ]
+    inside = slot[box] > 0
+    sums = [
+        np.bincount(slot[box][inside], _unexplained(a[box], b, moved, box)[inside], count)
+        for moved in (np.stack(by_world), flow[:, *box])
+    ]
+    return np.stack(sums, axis=1)
+
+
+def _unexplained(part: Image, b: Image, flow: Image, box: tuple[slice, slice]) -> Image:
+    """Squared difference of ``part`` and what ``flow`` (2, of the box) finds for it in ``b``."""
+    x = np.arange(box[1].start, box[1].stop, dtype=np.float32)[None]
+    y = np.arange(box[0].start, box[0].stop, dtype=np.float32)[:, None]
+    found = cv2.remap(b, x + flow[0], y + flow[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray((found - part) ** 2, np.float32)
