@@ -102,7 +102,7 @@ def measure_frame(
     """Per superpixel what ``ChunkTables.node`` holds, and both sides of every step across a boundary."""
     height, width = segment.shape
     node = np.zeros((count, 11), np.float64)
-    first, second = np.empty(2 * height * width, np.int64), np.empty(2 * height * width, np.int64)
+    first, second = np.empty(2 * height * width, np.int32), np.empty(2 * height * width, np.int32)
     n = 0
     for y in range(height):
         for x in range(width):
@@ -155,11 +155,12 @@ def measure_direction(
     detail: Array,
     other_detail: Array,
     valid: Array,
-) -> tuple[Array, Array, Array]:
-    """Per superpixel what ``ChunkTables.forth`` holds, and both ends of the path of every carried pixel."""
+) -> tuple[Array, Array, Array, Array]:
+    """Per superpixel what ``ChunkTables.forth`` holds; both ends of runs of carried pixels, and their lengths."""
     height, width = segment.shape
     out, pixels = np.zeros((count, 4), np.float64), np.zeros(count, np.float64)
-    first, second = np.empty(height * width, np.int64), np.empty(height * width, np.int64)
+    first, second = np.empty(height * width, np.int32), np.empty(height * width, np.int32)
+    run = np.empty(height * width, np.int32)
     n = 0
     for y in range(height):
         for x in range(width):
@@ -174,24 +175,29 @@ def measure_direction(
             out[k, 3] += (detail[y, x] - _between(other_detail, x + u, y + v)) ** 2
             pixels[k] += 1
             if tx == cx and ty == cy and valid[ty, tx]:
-                first[n], second[n] = k, other[ty, tx]
-                n += 1
+                if n and first[n - 1] == k and second[n - 1] == other[ty, tx]:
+                    run[n - 1] += 1
+                else:
+                    first[n], second[n], run[n] = k, other[ty, tx], 1
+                    n += 1
     for k in range(count):
         for j in range(4):
             out[k, j] /= max(pixels[k], 1)
-    return out, first[:n], second[:n]
+    return out, first[:n], second[:n], run[:n]
 
 
 @nb.njit(cache=True)
-def count_pairs(first: Array, second: Array, count: int, others: int) -> tuple[Array, Array]:
-    """The different pairs in order, and how often each is there; below ``count`` and below ``others``."""
+def count_pairs(first: Array, second: Array, run: Array, count: int, others: int) -> tuple[Array, Array]:
+    """The different pairs in order, and the sums of their runs; below ``count`` and below ``others``."""
     start = np.zeros(count + 1, np.int64)
     for k in first:
         start[k + 1] += 1
     start = np.cumsum(start)
-    place, grouped = start[:-1].copy(), np.empty(len(first), np.int64)
+    place = start[:-1].copy()
+    grouped, length = np.empty(len(first), np.int32), np.empty(len(first), np.int32)
     for k in range(len(first)):
-        grouped[place[first[k]]] = second[k]
+        to = place[first[k]]
+        grouped[to], length[to] = second[k], run[k]
         place[first[k]] += 1
     pairs, times = np.empty((len(first), 2), np.int64), np.empty(len(first), np.int64)
     seen, found = np.zeros(others, np.int64), np.empty(others, np.int64)
@@ -201,10 +207,15 @@ def count_pairs(first: Array, second: Array, count: int, others: int) -> tuple[A
         for k in range(start[i], start[i + 1]):
             j = grouped[k]
             if seen[j] == 0:
-                found[m] = j
+                h = m
+                while h > 0 and found[h - 1] > j:
+                    found[h] = found[h - 1]
+                    h -= 1
+                found[h] = j
                 m += 1
-            seen[j] += 1
-        for j in np.sort(found[:m]):
+            seen[j] += length[k]
+        for h in range(m):
+            j = found[h]
             pairs[n, 0], pairs[n, 1], times[n] = i, j, seen[j]
             seen[j] = 0
             n += 1

@@ -113,7 +113,7 @@ def judge(w: Window, s: settings.Objects) -> Verdict:
     parted = 1 - np.exp(-from_border(w, colour_distance(w, w.edge), np.zeros(len(w.frame))) / s.border_colour)
     contrast = boundary_contrast(w, s)
     moving = motion(w, camera_residual(w, own_motion(w, w.size, s)), s) * parted
-    x = diffuse(weight, moving, s.spread, trust, 1e-2)
+    x = diffuse(weight, moving, s.spread, trust, 3e-2)
     soft = _soft(w, x, thresholds(w, x, contrast, s), s)
     own = own_motion(w, w.size * (1 - soft), s)
     residual = camera_residual(w, own)

@@ -159,7 +159,7 @@ def similarity(w: Window, colour: float, time: float) -> sp.csr_array:
 
 
 def diffuse(
-    weight: sp.csr_array, x: Floats, strength: float, trust: Floats | None = None, tolerance: float = 1e-3
+    weight: sp.csr_array, x: Floats, strength: float, trust: Floats | None = None, tolerance: float = 1e-2
 ) -> Floats:
     """The z that minimises sum trust (z - x)^2 + strength z' (D - W) z.
 

@@ -120,17 +120,20 @@ def chunk_tables(
     length
         Frames of the chunk: n, or n - 1 where the last one given belongs to the next chunk.
     ignore
-        (h, w), true where pixels count for nothing.
+        (h, w), true where pixels count for nothing: neither they nor their colours are in any table.
     s
         The section ``tables`` of the settings.
     """
-    valid = np.ones(segments.shape[1:], np.bool_) if ignore is None else ~ignore
+    valid = np.ones(segments.shape[1:], np.bool_)
+    if ignore is not None:
+        valid = ~ignore
+        frames = np.where(valid[..., None], frames, np.uint8(128))
     counts = [int(segment.max()) + 1 for segment in segments]
     details = [detail(frame) for frame in frames]
     node, edge, boundary = [], [], []
     for frame, segment, count, fine in zip(frames[:length], segments, counts, details, strict=False):
         nodes, first, second = kernels.measure_frame(segment, count, lab(frame), fine, slope(fine), valid)
-        pairs, lengths = kernels.count_pairs(first, second, count, count)
+        pairs, lengths = kernels.count_pairs(first, second, np.ones(len(first), np.int32), count, count)
         node.append(nodes)
         edge.append(pairs)
         boundary.append(lengths)
@@ -167,7 +170,9 @@ def detail(frame: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 def slope(image: NDArray[np.float32]) -> NDArray[np.float32]:
     """(2, h, w) change of an image (h, w) per px in x and y."""
-    return np.stack([cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))])
+    return np.stack(
+        [cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))]
+    )
 
 
 def _offsets(parts: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
@@ -200,11 +205,11 @@ def _pair(
     """Both directions of one pair: statistics of either frame, links, and the pixels they carry."""
     if state == "cut":
         return (np.zeros((one.count, 4)), np.zeros((two.count, 4)), np.zeros((0, 2)), np.zeros((0, 2)))
-    there, i, j = _measure(one, two, valid)
-    back, k, h = _measure(two, one, valid)
+    there, i, j, run = _measure(one, two, valid)
+    back, k, h, run_back = _measure(two, one, valid)
     # forth and back are counted as one, a path back beyond the numbers of the second frame to tell them apart
     ends = np.r_[j, k + two.count]
-    pairs, times = kernels.count_pairs(np.r_[i, h], ends, one.count, 2 * two.count)
+    pairs, times = kernels.count_pairs(np.r_[i, h], ends, np.r_[run, run_back], one.count, 2 * two.count)
     backward = pairs[:, 1] >= two.count
     pairs[backward, 1] -= two.count
     key = pairs[:, 0] * two.count + pairs[:, 1]

@@ -1,0 +1,96 @@
+"""Optical flow, and which frames are pairs."""
+
+import itertools
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from conftest import textured
+
+from zsmoseg import flow
+from zsmoseg.settings import Flow
+
+S = Flow()
+FAST = ("motocross-jump", "drift-straight", "bmx-trees")
+
+
+def world(seed: int = 0, colour: tuple[int, int, int] = (110, 130, 90)) -> np.ndarray:
+    return textured(np.random.default_rng(seed), 150, 220, colour)
+
+
+def view(image: np.ndarray, x: int, y: int) -> np.ndarray:
+    return np.ascontiguousarray(image[y : y + 120, x : x + 160])
+
+
+def state(a: np.ndarray, b: np.ndarray) -> str:
+    return flow.pair_state(a, b, *flow.between(a, b, S), S)
+
+
+def small_frames(davis: Path, name: str) -> list[np.ndarray]:
+    files = sorted((davis / "JPEGImages/480p" / name).glob("*.jpg"))
+    return [cv2.resize(cv2.imread(str(f)), (427, 240), interpolation=cv2.INTER_AREA) for f in files]
+
+
+def test_flow_of_a_pan_is_the_pan_and_its_opposite():
+    a, b = view(world(), 10, 8), view(world(), 14, 6)
+    forward, backward = flow.between(a, b, S)
+    assert forward.shape == backward.shape == (2, 120, 160)
+    assert forward.dtype == np.float32
+    inside = np.s_[:, 12:-12, 12:-12]
+    assert np.abs(forward[inside] - np.array([-4, 2])[:, None, None]).max() < 0.3
+    assert np.abs(backward[inside] - np.array([4, -2])[:, None, None]).max() < 0.3
+
+
+@pytest.mark.parametrize("shape", [(16, 32), (32, 33), (120, 35)])
+def test_small_grids_have_flow(shape):
+    image = textured(np.random.default_rng(0), *shape, (100, 100, 100))
+    assert np.isfinite(flow.between(image, np.roll(image, 1, 1), S)).all()
+
+
+def test_a_frame_shown_twice_is_a_repeat_also_with_noise_and_another_coding():
+    a = view(world(), 10, 8)
+    rng = np.random.default_rng(1)
+    noisy = [np.clip(a + rng.normal(0, 3, a.shape), 0, 255).astype(np.uint8) for _ in range(2)]
+    coded = cv2.imdecode(cv2.imencode(".jpg", a, [cv2.IMWRITE_JPEG_QUALITY, 80])[1], cv2.IMREAD_COLOR)
+    assert state(a, a) == state(*noisy) == state(a, coded) == "repeat"
+
+
+def test_a_small_thing_that_moves_in_a_still_scene_is_no_repeat():
+    a = view(world(), 10, 8)
+    b = a.copy()
+    b[50:62, 71:83] = a[50:62, 70:82]
+    assert state(a, b) == "ok"
+
+
+def test_another_scene_is_a_cut():
+    assert state(view(world(0), 10, 8), view(world(1, (60, 80, 160)), 10, 8)) == "cut"
+
+
+def test_neither_a_pan_nor_a_flash_nor_a_large_mover_is_a_cut():
+    a, panned = view(world(), 0, 8), view(world(), 12, 8)
+    flash = np.clip(panned * 1.3 + 30, 0, 255).astype(np.uint8)
+    covered = panned.copy()
+    covered[20:100, 30:110] = world(3, (200, 60, 60))[:80, :80]
+    assert state(a, panned) == state(a, flash) == state(a, covered) == "ok"
+
+
+@pytest.mark.parametrize("name", FAST)
+def test_no_cut_within_fast_real_shots(davis, name):
+    frames = small_frames(davis, name)
+    assert {state(a, b) for a, b in itertools.pairwise(frames[::2] if name == "bmx-trees" else frames)} == {
+        "ok"
+    }
+
+
+def test_every_change_from_one_real_shot_to_another_is_a_cut(davis):
+    names = sorted(path.name for path in (davis / "JPEGImages/480p").iterdir())
+    ends = {}
+    for name in names:
+        files = sorted((davis / "JPEGImages/480p" / name).glob("*.jpg"))
+        ends[name] = [
+            cv2.resize(cv2.imread(str(f)), (427, 240), interpolation=cv2.INTER_AREA)
+            for f in (files[-1], files[0])
+        ]
+    pairs = list(itertools.permutations(names, 2))[::2]
+    assert {state(ends[a][0], ends[b][1]) for a, b in pairs} == {"cut"}

@@ -1,0 +1,173 @@
+"""Superpixels, and the tables measured on them."""
+
+import cv2
+import numpy as np
+import pytest
+from conftest import draw_clip, textured
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from zsmoseg import flow, superpixels, tables
+from zsmoseg.errors import SettingsError
+from zsmoseg.settings import Flow, Segments, Tables
+
+S = Tables(link_least=1)
+FRAMES = draw_clip(frames=5, height=60, width=80)[0]
+SEGMENTS = np.stack([superpixels.segment(frame, Segments()) for frame in FRAMES])
+FORWARD, BACKWARD = map(
+    np.stack,
+    zip(*[flow.between(a, b, Flow()) for a, b in zip(FRAMES[:-1], FRAMES[1:], strict=True)], strict=True),
+)
+
+
+def measure(start: int, stop: int, ignore: np.ndarray | None = None, frames: np.ndarray = FRAMES):
+    last = min(stop + 1, len(frames))
+    return tables.chunk_tables(
+        frames[start:last],
+        SEGMENTS[start:last],
+        FORWARD[start : last - 1],
+        BACKWARD[start : last - 1],
+        ["ok"] * (last - 1 - start),
+        stop - start,
+        ignore,
+        S,
+    )
+
+
+WHOLE = measure(0, 5)
+
+
+def same(one: tables.ChunkTables, two: tables.ChunkTables) -> bool:
+    return all(
+        a.dtype == two.arrays()[name].dtype and np.array_equal(a, two.arrays()[name])
+        for name, a in one.arrays().items()
+    )
+
+
+def test_superpixels_are_numbered_without_gaps_and_each_is_connected():
+    for segment in SEGMENTS:
+        assert segment.dtype == np.uint16
+        assert np.array_equal(np.unique(segment), np.arange(segment.max() + 1))
+        for k in range(segment.max() + 1):
+            assert cv2.connectedComponents((segment == k).astype(np.uint8), connectivity=4)[0] == 2
+
+
+def test_superpixels_are_about_as_many_as_the_pitch_says():
+    image = textured(np.random.default_rng(0), 90, 150, (100, 120, 140))
+    for pitch in (6.0, 10.0):
+        count = superpixels.segment(image, Segments(pitch=pitch)).max() + 1
+        assert 0.7 < count * pitch**2 / (90 * 150) < 1.3
+
+
+def test_superpixels_keep_to_a_colour_edge():
+    image = np.full((60, 80, 3), 200, np.uint8)
+    side = np.add.outer(np.arange(60), np.arange(80)) < 65
+    image[side] = (40, 90, 30)
+    segment = superpixels.segment(image, Segments()).ravel()
+    inside = np.bincount(segment, side.ravel()) / np.bincount(segment)
+    assert np.minimum(inside, 1 - inside).max() < 0.2
+
+
+def test_too_many_superpixels_are_refused_with_the_setting_named():
+    with pytest.raises(SettingsError, match=r"segments\.pitch = 4: .* use 4\.7 or more"):
+        superpixels.segment(np.zeros((600, 1200, 3), np.uint8), Segments(pitch=4))
+
+
+def test_node_and_edge_tables_equal_counting_by_hand():
+    segment, n = SEGMENTS[1], WHOLE.node_offset
+    node = WHOLE.node[n[1] : n[2]]
+    y, x = np.mgrid[:60, :80]
+    colour = superpixels.lab(FRAMES[1])
+    for k in range(len(node)):
+        here = segment == k
+        expected = [here.sum(), y[here].mean(), x[here].mean(), *colour[here].mean(0)]
+        assert np.allclose(node[k, :6], expected, rtol=1e-4, atol=1e-3)
+        assert (node[k, 6] > 0) == (here & ((y < 2) | (x < 2) | (y > 57) | (x > 77))).any()
+    steps = np.concatenate(
+        [
+            np.stack([segment[:, :-1].ravel(), segment[:, 1:].ravel()], 1),
+            np.stack([segment[:-1].ravel(), segment[1:].ravel()], 1),
+        ]
+    )
+    steps = np.sort(steps[steps[:, 0] != steps[:, 1]], axis=1)
+    edge, length = np.unique(steps, axis=0, return_counts=True)
+    rows = slice(*WHOLE.edge_offset[1:3])
+    assert np.array_equal(WHOLE.edge[rows], edge)
+    assert np.array_equal(WHOLE.boundary[rows], length)
+
+
+def test_links_equal_counting_by_hand():
+    counted: dict[tuple[int, int], list[int]] = {}
+    for way, (one, two, moved) in enumerate(
+        [(SEGMENTS[2], SEGMENTS[3], FORWARD[2]), (SEGMENTS[3], SEGMENTS[2], BACKWARD[2])]
+    ):
+        for y in range(60):
+            for x in range(80):
+                u, v = np.rint(x + moved[0, y, x]), np.rint(y + moved[1, y, x])
+                if 0 <= u < 80 and 0 <= v < 60:
+                    key = (int(one[y, x]), int(two[int(v), int(u)]))
+                    counted.setdefault(key if way == 0 else key[::-1], [0, 0])[way] += 1
+    rows = slice(*WHOLE.link_offset[2:4])
+    assert [tuple(pair) for pair in WHOLE.link[rows].tolist()] == sorted(counted)
+    assert WHOLE.carried[rows].tolist() == [counted[key] for key in sorted(counted)]
+
+
+def test_flow_tables_hold_the_mean_flow_and_what_does_not_close():
+    rows = slice(*WHOLE.node_offset[2:4])
+    segment = SEGMENTS[2].ravel()
+    for c in range(2):
+        mean = np.bincount(segment, FORWARD[2][c].ravel()) / np.bincount(segment)
+        assert np.allclose(WHOLE.forth[rows][:, c], mean, atol=1e-4)
+    static = np.zeros_like(FORWARD[:1])
+    shut = tables.chunk_tables(FRAMES[:2], SEGMENTS[:2], static, static, ["ok"], 2, None, S)
+    open_ = tables.chunk_tables(FRAMES[:2], SEGMENTS[:2], static + 3, static, ["ok"], 2, None, S)
+    assert np.allclose(shut.forth[:, 2], 0)
+    assert np.allclose(open_.forth[:, 2], np.hypot(3, 3), atol=1e-4)
+
+
+@given(st.lists(st.integers(1, 4), min_size=1, max_size=5))
+@hypothesis_settings(max_examples=20, deadline=None)
+def test_tables_do_not_depend_on_how_the_video_is_cut(lengths):
+    ends = np.minimum(np.cumsum([0, *lengths, 5]), 5)
+    chunks = [measure(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True) if a < b]
+    assert same(tables.ChunkTables.join(chunks), WHOLE)
+
+
+def test_a_part_of_the_tables_is_the_tables_of_that_part():
+    alone = tables.chunk_tables(
+        FRAMES[1:4], SEGMENTS[1:4], FORWARD[1:3], BACKWARD[1:3], ["ok"] * 2, 3, None, S
+    )
+    assert same(WHOLE.part(1, 4), alone)
+    assert same(tables.ChunkTables.from_arrays(WHOLE.arrays()), WHOLE)
+
+
+def test_a_cut_has_no_links():
+    cut = tables.chunk_tables(FRAMES[:2], SEGMENTS[:2], FORWARD[:1], BACKWARD[:1], ["cut"], 2, None, S)
+    assert len(cut.link) == 0
+    assert not cut.forth.any()
+    assert cut.state.tolist() == [1]
+
+
+def test_links_of_few_pixels_are_left_out():
+    few = tables.chunk_tables(
+        FRAMES[:2], SEGMENTS[:2], FORWARD[:1], BACKWARD[:1], ["ok"], 2, None, Tables(link_least=10)
+    )
+    rows = slice(*WHOLE.link_offset[:2])
+    kept = WHOLE.carried[rows].sum(1) >= 10
+    assert np.array_equal(few.link, WHOLE.link[rows][kept])
+
+
+def test_what_is_under_the_ignore_mask_is_in_no_table():
+    ignore = np.zeros((60, 80), np.bool_)
+    ignore[45:, 10:70] = True
+    other = FRAMES.copy()
+    other[:, ignore] = np.random.default_rng(0).integers(0, 255, 3)
+    one = measure(0, 5, ignore)
+    assert same(one, measure(0, 5, ignore, other))
+    assert not same(one, WHOLE)
+    hidden = np.setdiff1d(SEGMENTS[0][ignore], SEGMENTS[0][~ignore])
+    assert len(hidden)
+    assert not one.node[hidden, 0].any()
+    assert not np.isin(one.edge[slice(*one.edge_offset[:2])], hidden).any()
+    assert one.node[: one.node_offset[1], 0].sum() == (~ignore).sum()
