@@ -31,7 +31,9 @@ def photograph(image: np.ndarray, kind: str, t: int, noise: np.random.Generator)
         matrix[:, 2] += (3.0 * (t - FRAMES / 2), 1.0 * (t - FRAMES / 2))
     elif kind == "zoom":
         matrix = cv2.getRotationMatrix2D((width / 2, height / 2), 0.3 * t, 1.1 * 1.01**t)
-    moved = cv2.warpAffine(image, matrix, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+    moved = cv2.warpAffine(
+        image, matrix, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT
+    )
     return np.clip(moved + noise.normal(0, 3, moved.shape), 0, 255).astype(np.uint8)
 
 
@@ -53,7 +55,9 @@ def main() -> None:
         for clip in clips:
             summary = json.loads((root / "out" / clip.name / "summary.json").read_text())
             moving[clip.name] = summary["moving_pixels_percent"]
-            proposed = 100 * sum(e["pixels"] for e in summary["evidence"]) / (FRAMES * np.prod(summary["size"]))
+            proposed = (
+                100 * sum(e["pixels"] for e in summary["evidence"]) / (FRAMES * np.prod(summary["size"]))
+            )
             print(f"{clip.name:<24} {moving[clip.name]:6.2f} % moving, {proposed:6.2f} % proposed")
     print(f"under 0.5 %: {sum(m < 0.5 for m in moving.values())} of {len(moving)}")
 

@@ -9,8 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from conftest import draw_clip, write_folder
-from runs import segment
+from conftest import textured, write_folder
+from runs import Report, segment
 
 from zsmoseg.settings import Settings, defaults, resolve
 from zsmoseg.workflows.plan import _following
@@ -21,7 +21,8 @@ OTHER: dict[str, Any] = {
     "video.start": "1f",
     "video.end": "7f",
     "groups.count": 1,
-    "video.fingerprint": "stat",
+    "frames.width": 96,
+    "objects.smallest": 0.2,
 }
 """Values that a rule cannot guess."""
 NO_BYTES = {
@@ -33,42 +34,92 @@ NO_BYTES = {
 """Settings that leave the bytes of a healthy clip alone, and where they are tested."""
 
 
-def other_value(name: str, tmp_path: Path) -> Any:
-    """Another allowed value."""
+def other_values(name: str, tmp_path: Path) -> list[Any]:
+    """Other allowed values, near ones first."""
     if name == "ignore.mask":
         mask = np.zeros((120, 160), np.uint8)
         mask[:30] = 255
         cv2.imwrite(str(tmp_path / "ignore.png"), mask)
-        return str(tmp_path / "ignore.png")
+        return [str(tmp_path / "ignore.png")]
     if name in OTHER:
-        return OTHER[name]
+        return [OTHER[name]]
     section, field = name.split(".")
     default = defaults()[name]
     schema = type(getattr(Settings(), section)).model_json_schema()["properties"][field]
     if "enum" in schema:
-        return next(v for v in schema["enum"] if v != default)
+        return [v for v in schema["enum"] if v != default]
     if isinstance(default, bool):
-        return not default
-    low = schema.get("minimum", schema.get("exclusiveMinimum", 0))
-    high = schema.get("maximum", schema.get("exclusiveMaximum", np.inf))
-    for value in (default * 2, default / 2, default + 1):
-        value = type(default)(value)
-        if low < value < high and value != default:
-            return value
-    raise AssertionError(f"no other value known for {name}")
+        return [not default]
+    low, high = schema.get("minimum", -np.inf), schema.get("maximum", np.inf)
+    above, below = schema.get("exclusiveMinimum", -np.inf), schema.get("exclusiveMaximum", np.inf)
+    tried = [
+        type(default)(v)
+        for v in (default * 2, default / 2, default + 1, default * 20, default / 20, 0, 1e3, 1)
+    ]
+    return [v for v in dict.fromkeys(tried) if low <= v <= high and above < v < below and v != default]
+
+
+STRICT = {"groups.certain": 1000.0, "groups.top_fraction": 1.0}
+SETUP: dict[str, dict[str, Any]] = {
+    "groups.exist": {"groups.clear": 1000.0},
+    "groups.clear": {"groups.exist": 1000.0},
+    "groups.clear_cells": {"groups.exist": 1000.0},
+    "groups.top_fraction": {"groups.certain": 1000.0},
+    "groups.rounds": STRICT,
+    "groups.weak": STRICT,
+    "groups.overlap": STRICT,
+    "groups.share": {"groups.floor": 0.001, "groups.certain": 0.01},
+    "groups.significant": {"groups.floor": 0.001},
+    "groups.same": {"groups.same_own": 0.0},
+    "objects.clean_power": {"objects.clean_from": 0.0, "objects.clean_full": 0.1},
+    "objects.clean_half": {"objects.clean_from": 0.0, "objects.clean_full": 0.1},
+    "objects.unclean_from": {"objects.clean_from": 0.0, "objects.clean_full": 0.1},
+    "objects.unclean_full": {"objects.clean_from": 0.0, "objects.clean_full": 0.1},
+    "objects.clean_from": {"objects.clean_full": 0.99},
+    "objects.clean_full": {"objects.clean_from": 0.0},
+}
+"""Others that let a setting act on so small a clip."""
 
 
 def activation(name: str) -> dict[str, Any]:
     """What makes a setting act, where it belongs to a choice."""
     section, field = name.split(".")
     when = type(getattr(Settings(), section)).extra(field)["when"]
-    return {f"{section}.{when[0]}": when[1]} if when else {}
+    return {**SETUP.get(name, {}), **({f"{section}.{when[0]}": when[1]} if when else {})}
+
+
+def eventful(frames: int = 16, height: int = 120, width: int = 160) -> np.ndarray:
+    """A pan over texture with a mover that stops, one that is hidden for a while, a slow one, limbs, and spray."""
+    rng = np.random.default_rng(3)
+    world = textured(rng, height + 40, width + 80, (110, 130, 90))
+    skins = [
+        textured(rng, 200, 240, c) for c in ((60, 60, 200), (190, 150, 40), (50, 190, 190), (80, 60, 190))
+    ]
+    images = []
+    for t in range(frames):
+        image = world[10 + t // 3 : 10 + t // 3 + height, 2 * t : 2 * t + width].copy()
+        moved = min(t, frames // 2)
+        discs = [
+            (skins[0], 40 + 3 * moved - 2 * max(t - moved, 0), 40 + moved, 15),
+            (skins[3], 40 + 3 * moved - 2 * max(t - moved, 0) + 14 + t % 3, 50 + moved, 5),
+            (skins[1], 130 - 4 * t, 88, 0 if 5 <= t < 8 else 12),
+            (skins[2], 110 + t // 2 - 2 * t, 30, 9),
+        ]
+        for skin, x, y, radius in discs:
+            mask = np.zeros((height, width), np.uint8)
+            cv2.circle(mask, (x, y), radius, 1, -1) if radius else None
+            shifted = skin[70 - y + height // 2 :, 90 - x + width // 2 :][:height, :width]
+            part = mask[: shifted.shape[0], : shifted.shape[1]] > 0
+            image[: shifted.shape[0], : shifted.shape[1]][part] = shifted[part]
+        image[100:116, 20:60] = textured(rng, 16, 40, (220, 220, 220))
+        images.append(np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8))
+    return np.stack(images)
 
 
 @pytest.fixture(scope="module")
 def base(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     root = tmp_path_factory.mktemp("settings")
-    clip = write_folder(root / "disc", draw_clip(3, 9)[0])
+    clip = write_folder(root / "disc", eventful())
     segment(clip, root / "run")
     return clip, root / "run"
 
@@ -87,6 +138,13 @@ def leaves(root: Path, keys: dict[str, str]) -> dict[str, dict[str, bytes]]:
     }
 
 
+def outputs(report: Report) -> dict[str, int]:
+    """Files and sizes in the output folder, as its list has them, without what only says what was asked for."""
+    return {
+        name: entry["size"] for name, entry in report.plans[0].output.files.items() if name != "summary.json"
+    }
+
+
 @pytest.mark.parametrize("name", sorted(set(defaults()) - set(NO_BYTES)))
 def test_a_setting_recomputes_its_stages_and_changes_something(
     name: str, base: tuple[Path, Path], tmp_path: Path
@@ -95,8 +153,8 @@ def test_a_setting_recomputes_its_stages_and_changes_something(
     shutil.copytree(base[1], root)
     clip, start = base[0], activation(name)
     before, _ = segment(clip, root, start)
-    value = other_value(name, tmp_path)
-    changed = {**start, name: value}
+    values = other_values(name, tmp_path)
+    changed = {**start, name: values[0]}
     lines = "\n".join(
         dry_run(
             Request(
@@ -107,12 +165,17 @@ def test_a_setting_recomputes_its_stages_and_changes_something(
     assert name in lines
     readers = [s.name for s in STAGES.values() if name.split(".")[0] in s.sections]
     expected = set().union(*(_following(reader) for reader in readers))
-    after, counter = segment(clip, root, changed)
+    _, counter = segment(clip, root, changed)
     assert counter.stages == expected, "other stages were computed than those that read the setting"
+    assert any(changes(before, segment(clip, root, {**start, name: value})[0], root) for value in values), (
+        f"{name} = {values} changed no byte"
+    )
+
+
+def changes(before: Report, after: Report, root: Path) -> bool:
+    """Whether any byte differs of what two runs left."""
     old, new = ({n: s.key for n, s in r.plans[0].stages.items()} for r in (before, after))
-    stored = leaves(root, old) != leaves(root, new)
-    painted = "write" in name or before.plans[0].output.files != after.plans[0].output.files
-    assert stored or painted, f"{name} = {value} changed no byte"
+    return leaves(root, old) != leaves(root, new) or outputs(before) != outputs(after)
 
 
 def test_frame_rate_of_folders_sets_their_times(base: tuple[Path, Path]) -> None:

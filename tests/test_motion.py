@@ -210,7 +210,7 @@ def test_sums_of_grams_are_the_grams_of_unions() -> None:
 
 # -------------------------------------------------------------------------- degenerate
 def test_what_an_object_does_not_determine_comes_from_the_frame() -> None:
-    label, inverse = scene()
+    _, inverse = scene()
     motion = Motion(np.array([0.01, -0.02, 0.03]), np.array([0.1, 0.2, -0.3]))
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
     x, y = x - (SHAPE[1] - 1) / 2, y - (SHAPE[0] - 1) / 2

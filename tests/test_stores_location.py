@@ -198,7 +198,7 @@ def test_a_fingerprint_is_computed_once_unless_the_note_is_damaged(harm: Harm | 
 def remember(store: Store, *keys: str) -> str:
     videos = {f"goat{i}": {"video": "goat-0123456789abcdef", "keys": {"flow": k}} for i, k in enumerate(keys)}
     record = RunRecord.begin(store, {"flow.stride": 4}, videos)
-    record.end("done", {})
+    record.end("done", {}, {})
     return str(record.content["id"])
 
 

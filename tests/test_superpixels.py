@@ -1,5 +1,7 @@
 """Superpixels, and the tables measured on them."""
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ FRAMES = draw_clip(frames=5, height=60, width=80)[0]
 SEGMENTS = np.stack([superpixels.segment(frame, Segments()) for frame in FRAMES])
 FORWARD, BACKWARD = map(
     np.stack,
-    zip(*[flow.between(a, b, Flow()) for a, b in zip(FRAMES[:-1], FRAMES[1:], strict=True)], strict=True),
+    zip(*[flow.between(a, b, Flow()) for a, b in pairwise(FRAMES)], strict=True),
 )
 
 
@@ -130,7 +132,7 @@ def test_flow_tables_hold_the_mean_flow_and_what_does_not_close():
 @hypothesis_settings(max_examples=20, deadline=None)
 def test_tables_do_not_depend_on_how_the_video_is_cut(lengths):
     ends = np.minimum(np.cumsum([0, *lengths, 5]), 5)
-    chunks = [measure(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True) if a < b]
+    chunks = [measure(a, b) for a, b in pairwise(ends) if a < b]
     assert same(tables.ChunkTables.join(chunks), WHOLE)
 
 

@@ -150,7 +150,7 @@ def own_motion(w: Window, weight: Floats, s: settings.Objects) -> tuple[Floats, 
 
     def residual(flow: Floats) -> Floats:
         field = kernels.fit_quadratic(w.offset, basis, flow, weight, s.camera_rounds, 0.1)
-        return flow[:, :2] - np.einsum("nk,nkc->nc", basis, field[w.frame])
+        return np.asarray(flow[:, :2] - np.einsum("nk,nkc->nc", basis, field[w.frame]), np.float64)
 
     return residual(w.forth), residual(w.back)
 
@@ -158,7 +158,7 @@ def own_motion(w: Window, weight: Floats, s: settings.Objects) -> tuple[Floats, 
 def camera_residual(w: Window, own: tuple[Floats, Floats]) -> Floats:
     """(nodes) length of the own motion, px: mean of both directions, each over 1 + error^2."""
     forth, back = (1 / (1 + flow[:, ERROR] ** 2) for flow in (w.forth, w.back))
-    return (forth * np.hypot(*own[0].T) + back * np.hypot(*own[1].T)) / (forth + back)
+    return np.asarray((forth * np.hypot(*own[0].T) + back * np.hypot(*own[1].T)) / (forth + back), np.float64)
 
 
 def motion(w: Window, residual: Floats, s: settings.Objects) -> Floats:
@@ -167,7 +167,7 @@ def motion(w: Window, residual: Floats, s: settings.Objects) -> Floats:
     forth = np.linalg.norm(w.forth[i, :2] - w.forth[j, :2], axis=1)
     back = np.linalg.norm(w.back[i, :2] - w.back[j, :2], axis=1)
     closed = from_border(w, np.maximum((forth + back) / 2 - s.flow_noise, 0), s.border_entry * residual)
-    return np.sqrt(relative(w, residual, s) * relative(w, closed, s))
+    return np.asarray(np.sqrt(relative(w, residual, s) * relative(w, closed, s)), np.float64)
 
 
 def relative(w: Window, x: Floats, s: settings.Objects) -> Floats:
@@ -180,7 +180,7 @@ def full(w: Window, x: Floats, s: settings.Objects) -> Floats:
     high = np.array([np.quantile(x[w.of(t)], s.top) if w.known[t] else np.nan for t in range(w.frames)])
     around = (high[max(0, t - s.top_window) : t + s.top_window + 1] for t in range(w.frames))
     middle = np.array([np.median(part[~np.isnan(part)]) if (part > 0).any() else 0 for part in around])
-    return np.maximum(middle, s.top_least)
+    return np.asarray(np.maximum(middle, s.top_least), np.float64)
 
 
 def visibility(w: Window, own: tuple[Floats, Floats], residual: Floats, s: settings.Objects) -> Floats:
@@ -254,7 +254,8 @@ def thresholds(w: Window, x: Floats, contrast: Floats, s: settings.Objects) -> F
     on = w.known.astype(np.float64)[w.frame]
 
     def table(nodes: NDArray[np.int64], key: NDArray[np.int64], count: Floats) -> Floats:
-        return np.bincount(w.frame[nodes] * bins + key, count, w.frames * bins).reshape(w.frames, bins)
+        summed = np.bincount(w.frame[nodes] * bins + key, count, w.frames * bins)
+        return np.asarray(summed, np.float64).reshape(w.frames, bins)
 
     i, j = w.edge.T
     low, high = np.minimum(level[i], level[j]), np.maximum(level[i], level[j])
@@ -273,4 +274,4 @@ def thresholds(w: Window, x: Floats, contrast: Floats, s: settings.Objects) -> F
     between = (mean * below - moment) ** 2 / np.maximum(below * (total - below), 1e-9) / variance
     allowed = (np.arange(bins) / bins >= s.threshold_low) & (total - below > 0.002 * total)
     best = np.where(allowed, between * cut, -1).argmax(1)
-    return np.maximum((best + 1) / bins * top, s.threshold)
+    return np.asarray(np.maximum((best + 1) / bins * top, s.threshold), np.float64)

@@ -257,12 +257,12 @@ class Groups(Section):
     certain: float = setting(5.0, "... unless its excess is this many yardsticks", gt=0)
     keep: float = setting(0.9, "the threshold stays below this part of the strongest", gt=0, le=1)
     visible: float = setting(
-        1.5, "image error of the static world's motion over that of the flow below which nothing visibly moves", ge=0
+        1.5,
+        "image error of the static world's motion over that of the flow below which nothing visibly moves",
+        ge=0,
     )
     rounds: int = setting(2, "passes; from the second on static objects belong to the world", ge=1, le=10)
-    noise_area: float = setting(
-        150.0, "area over which the error of the flow is correlated", "px^2", ge=0
-    )
+    noise_area: float = setting(150.0, "area over which the error of the flow is correlated", "px^2", ge=0)
     same: float = setting(
         0.05, "two movers move together if one motion for both costs less than this ...", "px", ge=0
     )

@@ -32,7 +32,7 @@ def _shots(
     columns: dict[str, list[NDArray[Any]]] = {}
     warnings: list[str] = []
     found = spans(task.inputs["objects"])
-    frames, area = _displayed(task.inputs["labels"], int(found[-1].objects[-1]) + 1 if found else 1)
+    frames, area = _displayed(task.inputs["labels"], max(int(span.objects[-1]) for span in found) + 1)
     groups = things = 0
     for span in found:
         visibility = read_visibility(task.inputs["statistics"], span)

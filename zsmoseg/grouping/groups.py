@@ -114,7 +114,7 @@ def _thresholds(decision: Decision, group: Labels, s: settings.Groups) -> Floats
     out = np.full(len(group), decision.threshold)
     movers = group > 0
     out[movers] = np.minimum(out[movers], s.keep * decision.score[movers])
-    return np.maximum(out, 1e-6)
+    return np.asarray(np.maximum(out, 1e-6), np.float64)
 
 
 # ------------------------------------------------------------------ the default rule

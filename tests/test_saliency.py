@@ -1,0 +1,222 @@
+"""Which superpixels move by themselves, and the ids of what they form."""
+
+import itertools
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from conftest import draw_clip
+from scipy.sparse.csgraph import bellman_ford
+
+from zsmoseg import flow, kernels, saliency, spacetime, superpixels, tables
+from zsmoseg.settings import Flow, Objects, Segments, Tables
+from zsmoseg.tracking import Tracker
+
+S = Objects()
+
+
+class Clip:
+    """Frames and all that the objects need of them."""
+
+    def __init__(self, frames: np.ndarray) -> None:
+        self.frames = frames
+        self.segments = np.stack([superpixels.segment(frame, Segments()) for frame in frames])
+        pairs = [flow.between(a, b, Flow()) for a, b in itertools.pairwise(frames)]
+        shape = (0, 2, *frames.shape[1:3])
+        self.forward = np.stack([a for a, _ in pairs]) if pairs else np.zeros(shape, np.float32)
+        self.backward = np.stack([b for _, b in pairs]) if pairs else np.zeros(shape, np.float32)
+        self.states = [
+            flow.pair_state(a, b, f, g, Flow())
+            for (a, b), (f, g) in zip(itertools.pairwise(frames), pairs, strict=True)
+        ]
+        self.tables = self.measure(0, len(frames))
+
+    def measure(self, start: int, stop: int) -> tables.ChunkTables:
+        last = min(stop + 1, len(self.frames))
+        return tables.chunk_tables(
+            self.frames[start:last],
+            self.segments[start:last],
+            self.forward[start : last - 1],
+            self.backward[start : last - 1],
+            self.states[start : last - 1],
+            stop - start,
+            None,
+            Tables(),
+        )
+
+    def find(self, start: int = 0, stop: int | None = None, load=None) -> list:
+        shot = (start, len(self.frames) if stop is None else stop)
+        return list(saliency.find_objects(load or self.tables.part, shot, self.segments.shape[1:], S))
+
+    def ids(self, found: list, start: int = 0) -> np.ndarray:
+        return np.stack([row[1][segment] for row, segment in zip(found, self.segments[start:], strict=False)])
+
+
+def iou(a: np.ndarray, b: np.ndarray) -> float:
+    return (a & b).sum() / (a | b).sum()
+
+
+def same(one: list, two: list) -> bool:
+    return len(one) == len(two) and all(
+        np.array_equal(a[0], b[0]) and np.array_equal(a[1], b[1]) and a[2] == b[2]
+        for a, b in zip(one, two, strict=True)
+    )
+
+
+FRAMES, TRUTH = draw_clip(frames=12)
+DISC = Clip(FRAMES)
+
+
+def test_what_moves_by_itself_is_found_as_one_object_in_every_frame():
+    ids = DISC.ids(DISC.find())
+    assert iou(ids > 0, TRUTH) > 0.85
+    largest = np.bincount(ids[TRUTH]).argmax()
+    assert largest > 0
+    assert all((frame == largest).sum() > 500 for frame in ids)
+
+
+def test_a_pan_without_a_mover_is_empty():
+    clip = Clip(draw_clip(frames=8, mover=False)[0])
+    assert not clip.ids(clip.find()).any()
+
+
+def test_a_still_shot_with_noise_is_empty():
+    rng = np.random.default_rng(0)
+    clip = Clip(
+        np.stack([np.clip(FRAMES[0] + rng.normal(0, 3, FRAMES[0].shape), 0, 255) for _ in range(4)]).astype(
+            np.uint8
+        )
+    )
+    found = clip.find()
+    assert set(clip.states) == {"repeat"}
+    assert not clip.ids(found).any()
+    assert [score for *_, score in found] == [0] * 4
+
+
+def test_a_shot_of_one_frame_is_empty():
+    clip = Clip(FRAMES[:1])
+    ((value, ids, score),) = clip.find()
+    assert np.isfinite(value).all()
+    assert len(value) == clip.segments.max() + 1
+    assert not ids.any()
+    assert score == 0
+
+
+def test_a_repeated_frame_is_segmented_like_the_frame_it_repeats():
+    order = [0, 1, 2, 3, 4, 4, 5, 6, 6, 6, 7, 8]
+    clip = Clip(FRAMES[order])
+    assert [m for m, state in enumerate(clip.states) if state == "repeat"] == [4, 7, 8]
+    ids = clip.ids(clip.find())
+    assert all(iou(ids[t] > 0, TRUTH[frame]) > 0.75 for t, frame in enumerate(order))
+
+
+def test_two_shots_in_one_video_give_what_each_gives_alone():
+    other = draw_clip(seed=5, frames=6)[0]
+    both, second = Clip(np.concatenate([FRAMES, other])), Clip(other)
+    assert [m for m, state in enumerate(both.states) if state == "cut"] == [11]
+    assert same(both.find(0, 12), DISC.find())
+    assert same(both.find(12, 18), second.find())
+
+
+@pytest.mark.parametrize("length", [1, 5, 7])
+def test_the_length_of_the_chunks_changes_no_bit(length):
+    chunks = [DISC.measure(a, min(a + length, 12)) for a in range(0, 12, length)]
+
+    def load(start: int, stop: int) -> tables.ChunkTables:
+        first = start // length
+        joined = tables.ChunkTables.join(chunks[first : (stop - 1) // length + 1])
+        return joined.part(start - first * length, stop - first * length)
+
+    assert same(DISC.find(load=load), DISC.find())
+
+
+def test_windows_keep_the_ids_and_read_no_more_than_their_margins(monkeypatch):
+    clip = Clip(draw_clip(frames=16, width=200)[0])
+    whole = clip.ids(clip.find())
+    monkeypatch.setattr(saliency, "LENGTH", 4)
+    monkeypatch.setattr(saliency, "MARGIN", 0)
+    read = []
+
+    def load(start: int, stop: int) -> tables.ChunkTables:
+        read.append((start, stop))
+        return clip.tables.part(start, stop)
+
+    s = S.model_copy(update={"window": 3})
+    found = list(saliency.find_objects(load, (0, 16), clip.segments.shape[1:], s))
+    ids = clip.ids(found)
+    assert read == [(0, 7), (1, 11), (5, 15), (9, 16)]
+    assert iou(ids > 0, whole > 0) > 0.85
+    assert len({np.bincount(frame[frame > 0]).argmax() for frame in ids}) == 1
+
+
+def test_the_camera_moves_like_what_it_is_fitted_to():
+    w = spacetime.window(DISC.tables, 0, DISC.segments.shape[1:])
+    inside = np.concatenate(
+        [
+            np.bincount(s.ravel(), t.ravel()) / np.bincount(s.ravel())
+            for s, t in zip(DISC.segments, TRUTH, strict=True)
+        ]
+    )
+    free = saliency.camera_residual(w, saliency.own_motion(w, w.size, S))
+    told = saliency.camera_residual(w, saliency.own_motion(w, w.size * (inside < 0.5), S))
+    assert np.median(told[inside < 0.5]) < 0.2
+    assert np.median(told[inside > 0.9]) > 2
+    only_disc = saliency.camera_residual(w, saliency.own_motion(w, w.size * (inside > 0.5), S))
+    assert np.median(only_disc[inside < 0.01]) > 2
+    assert np.median(free[inside < 0.5]) < 0.2
+
+
+def test_the_robust_fit_recovers_a_quadratic_field_under_outliers():
+    rng = np.random.default_rng(0)
+    basis = np.column_stack([np.ones(400), rng.uniform(-1, 1, (400, 5))])
+    field = rng.normal(size=(6, 2))
+    target = basis @ field
+    target[:120] += 5
+    fitted = kernels.fit_quadratic(np.array([0, 400]), basis, target, np.ones(400), 20, 0.01)[0]
+    assert np.abs(fitted - field).max() < 0.01
+
+
+def test_diffusion_solves_its_equations():
+    rng = np.random.default_rng(0)
+    upper = sp.random_array((60, 60), density=0.1, rng=rng)
+    weight = sp.csr_array(upper + upper.T)
+    weight.setdiag(0)
+    x, trust = rng.random((60, 2)), rng.uniform(0.1, 1, 60)
+    dense = weight.toarray()
+    system = np.diag(trust) + 10 * (np.diag(dense.sum(1)) - dense)
+    exact = np.linalg.solve(system, trust[:, None] * x)
+    assert np.abs(spacetime.diffuse(weight, x, 10, trust, 1e-6) - exact).max() < 1e-4
+    assert np.abs(spacetime.diffuse(weight, x[:, 0], 10, trust, 1e-6) - exact[:, 0]).max() < 1e-4
+
+
+def test_paths_from_the_border_are_the_cheapest():
+    w = spacetime.window(DISC.tables.part(0, 1), 0, DISC.segments.shape[1:])
+    rng = np.random.default_rng(0)
+    cost, entry = rng.random(len(w.edge)), rng.random(len(w.frame))
+    n = len(w.frame)
+    graph = np.zeros((n + 1, n + 1))
+    graph[w.edge[:, 0], w.edge[:, 1]] = graph[w.edge[:, 1], w.edge[:, 0]] = cost
+    graph[n, np.flatnonzero(w.rim)] = entry[w.rim]
+    expected = bellman_ford(sp.csr_array(graph), indices=n)[:n]
+    assert np.allclose(spacetime.from_border(w, cost, entry), expected, atol=1e-6)
+
+
+def test_links_and_neighbours_weigh_less_the_more_their_colours_differ():
+    w = spacetime.window(DISC.tables.part(0, 2), 0, DISC.segments.shape[1:])
+    weight = spacetime.similarity(w, 2.5, 10.0)
+    assert abs(weight - weight.T).max() == 0
+    alike = spacetime.similarity(w, 1e9, 10.0)
+    i, j = w.edge[spacetime.colour_distance(w, w.edge).argmax()]
+    a, b = w.edge[spacetime.colour_distance(w, w.edge).argmin()]
+    assert weight[i, j] / alike[i, j] < weight[a, b] / alike[a, b]
+
+
+def test_ids_follow_the_largest_overlap_and_go_to_one_piece_only():
+    tracker = Tracker(smallest=2.0)
+    row = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [4, 5]])
+    none, size = np.zeros((0, 2), np.int64), np.array([3.0, 3, 3, 3, 3, 1])
+    first = tracker.step(np.array([1, 1, 0, 1, 0, 1], bool), size, row, none, np.zeros(0))
+    assert first.tolist() == [1, 1, 0, 2, 0, 0]
+    link = np.array([[0, 0], [1, 2], [3, 4]])
+    second = tracker.step(np.array([1, 0, 1, 0, 1, 0], bool), size, row, link, np.array([1.0, 5.0, 2.0]))
+    assert second.tolist() == [3, 0, 1, 0, 2, 0]
