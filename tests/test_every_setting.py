@@ -60,23 +60,25 @@ def other_values(name: str, tmp_path: Path) -> list[Any]:
 
 
 STRICT = {"groups.certain": 1000.0, "groups.top_fraction": 1.0}
+DEMANDING = {"objects.clean_from": 0.0, "objects.clean_full": 0.1, "objects.unclean_from": 0.0}
 SETUP: dict[str, dict[str, Any]] = {
     "groups.exist": {"groups.clear": 1000.0},
     "groups.clear": {"groups.exist": 1000.0},
     "groups.clear_cells": {"groups.exist": 1000.0},
     "groups.top_fraction": {"groups.certain": 1000.0},
     "groups.rounds": STRICT,
-    "groups.weak": STRICT,
+    "groups.weak": {"groups.certain": 1000.0, "groups.top_fraction": 0.7, "groups.overlap": 1.0},
     "groups.overlap": STRICT,
-    "groups.share": {"groups.floor": 0.001, "groups.certain": 0.01},
-    "groups.significant": {"groups.floor": 0.001},
+    "groups.share": {"groups.same": 0.001, "groups.same_own": 0.0, "groups.reach": 0.0},
+    "groups.significant": STRICT,
     "groups.same": {"groups.same_own": 0.0},
-    "objects.clean_power": {"objects.clean_from": 0.0, "objects.clean_full": 0.1},
-    "objects.clean_half": {"objects.clean_from": 0.0, "objects.clean_full": 0.1},
-    "objects.unclean_from": {"objects.clean_from": 0.0, "objects.clean_full": 0.1},
-    "objects.unclean_full": {"objects.clean_from": 0.0, "objects.clean_full": 0.1},
-    "objects.clean_from": {"objects.clean_full": 0.99},
-    "objects.clean_full": {"objects.clean_from": 0.0},
+    "objects.clean_power": DEMANDING,
+    "objects.clean_half": DEMANDING,
+    "objects.unclean_from": DEMANDING,
+    "objects.unclean_full": DEMANDING,
+    "objects.clean_from": {**DEMANDING, "objects.clean_full": 0.99},
+    "objects.clean_full": DEMANDING,
+    "objects.contrast_colour": {"objects.threshold_bins": 2048},
 }
 """Others that let a setting act on so small a clip."""
 

@@ -264,7 +264,7 @@ class Groups(Section):
     rounds: int = setting(2, "passes; from the second on static objects belong to the world", ge=1, le=10)
     noise_area: float = setting(150.0, "area over which the error of the flow is correlated", "px^2", ge=0)
     same: float = setting(
-        0.05, "two movers move together if one motion for both costs less than this ...", "px", ge=0
+        0.05, "two movers move together if one motion for both costs less than this ...", "px", gt=0
     )
     same_own: float = setting(0.8, "... plus this part of their own residual: limbs are not rigid", ge=0)
     share: float = setting(0.02, "pixels of the largest mover that make a group of its own", ge=0, le=1)
