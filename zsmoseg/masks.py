@@ -14,18 +14,17 @@ UInt8 = NDArray[np.uint8]
 
 def paint_table(
     number: NDArray[np.int64], moving: NDArray[np.bool_] | None, when: Literal["ever", "now"]
-) -> NDArray[np.int64]:
+) -> NDArray[np.uint16]:
     """The look-up table from object to painted number at one frame.
 
     Parameters
     ----------
-    number : (objects,) group or thing of every object, 0 = static.
+    number : (objects,) group or thing of every object, 0 = static, at most 65535.
     moving : (objects,) whether it moves at this frame; needed for ``when = "now"``.
     when : paint a mover wherever it is seen, or only while it moves.
     """
-    if when == "ever" or moving is None:
-        return number
-    return np.where(moving, number, 0)
+    painted = number if when == "ever" or moving is None else np.where(moving, number, 0)
+    return painted.astype(np.uint16)
 
 
 def palette() -> UInt8:
@@ -49,8 +48,7 @@ def encode_png(numbers: NDArray[np.integer[Any]]) -> bytes:
 
     buffer = BytesIO()
     if int(numbers.max(initial=0)) <= 255:
-        image = Image.fromarray(numbers.astype(np.uint8), mode=None).convert("L")
-        image = Image.frombytes("P", image.size, image.tobytes())
+        image = Image.fromarray(numbers.astype(np.uint8))
         image.putpalette(palette().tobytes())
     else:
         image = Image.fromarray(numbers.astype(np.uint16))

@@ -19,7 +19,6 @@ from zsmoseg.spacetime import (
     ERROR,
     Floats,
     Window,
-    colour_distance,
     diffuse,
     from_border,
     similarity,
@@ -110,7 +109,7 @@ def judge(w: Window, s: settings.Objects) -> Verdict:
     texture = (w.detail[:, 1] + w.detail[:, 3]) / 2
     trust = np.maximum(texture / (texture + s.trust_texture**2), s.trust_least)
     trust = np.where(w.known[w.frame], trust, 1e-3)
-    parted = 1 - np.exp(-from_border(w, colour_distance(w, w.edge), np.zeros(len(w.frame))) / s.border_colour)
+    parted = 1 - np.exp(-from_border(w, w.edge_colour, np.zeros(len(w.frame))) / s.border_colour)
     contrast = boundary_contrast(w, s)
     moving = motion(w, camera_residual(w, own_motion(w, w.size, s)), s) * parted
     x = diffuse(weight, moving, s.spread, trust, 3e-2)
@@ -163,9 +162,7 @@ def camera_residual(w: Window, own: tuple[Floats, Floats]) -> Floats:
 
 def motion(w: Window, residual: Floats, s: settings.Objects) -> Floats:
     """(nodes) 0 to 1: moves unlike the camera, and is parted from the border of the frame by motion."""
-    i, j = w.edge.T
-    forth = np.linalg.norm(w.forth[i, :2] - w.forth[j, :2], axis=1)
-    back = np.linalg.norm(w.back[i, :2] - w.back[j, :2], axis=1)
+    forth, back = w.edge_flow
     closed = from_border(w, np.maximum((forth + back) / 2 - s.flow_noise, 0), s.border_entry * residual)
     return np.asarray(np.sqrt(relative(w, residual, s) * relative(w, closed, s)), np.float64)
 
@@ -235,11 +232,8 @@ def _ramp(x: Floats, low: float, high: float) -> Floats:
 
 def boundary_contrast(w: Window, s: settings.Objects) -> Floats:
     """(edges) 0 to 1: how much motion and colour both change."""
-    i, j = w.edge.T
-    forth = np.linalg.norm(w.forth[i, :2] - w.forth[j, :2], axis=1)
-    back = np.linalg.norm(w.back[i, :2] - w.back[j, :2], axis=1)
-    colour = 1 - np.exp(-colour_distance(w, w.edge) / s.contrast_colour)
-    return np.asarray(colour * (1 - np.exp(-np.minimum(forth, back) / s.contrast_flow)))
+    colour = 1 - np.exp(-w.edge_colour / s.contrast_colour)
+    return np.asarray(colour * (1 - np.exp(-np.minimum(*w.edge_flow) / s.contrast_flow)))
 
 
 def thresholds(w: Window, x: Floats, contrast: Floats, s: settings.Objects) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -63,6 +64,18 @@ class Window:
     def frames(self) -> int:
         """F."""
         return len(self.offset) - 1
+
+    @cached_property
+    def edge_colour(self) -> Floats:
+        """(edges) distance in Lab of the two neighbours."""
+        return colour_distance(self, self.edge)
+
+    @cached_property
+    def edge_flow(self) -> tuple[Floats, Floats]:
+        """(edges) each: distance of the flow of the two neighbours, forth and back, px."""
+        i, j = self.edge.T
+        forth, back = ((flow[i, :2] - flow[j, :2]).T for flow in (self.forth, self.back))
+        return np.hypot(*forth), np.hypot(*back)
 
     def of(self, frame: int) -> slice:
         """The nodes of a frame."""
@@ -139,7 +152,8 @@ def from_border(w: Window, cost: Floats, entry: Floats) -> Floats:
 
 def colour_distance(w: Window, pairs: Ints) -> Floats:
     """(n) distance in Lab of n pairs of nodes (n, 2)."""
-    return np.asarray(np.linalg.norm(w.colour[pairs[:, 0]] - w.colour[pairs[:, 1]], axis=1))
+    lightness, a, b = (w.colour[pairs[:, 0]] - w.colour[pairs[:, 1]]).T
+    return np.asarray(np.sqrt(lightness**2 + a**2 + b**2))
 
 
 def similarity(w: Window, colour: float, time: float) -> sp.csr_array:
@@ -149,13 +163,14 @@ def similarity(w: Window, colour: float, time: float) -> sp.csr_array:
     """
     nodes = len(w.frame)
 
-    def part(pairs: Ints, strength: Floats) -> sp.csr_array:
-        strength = strength * np.exp(-colour_distance(w, pairs) / colour)
+    def part(pairs: Ints, strength: Floats, distance: Floats) -> sp.csr_array:
+        strength = strength * np.exp(-distance / colour)
         i, j = pairs.T
         half = np.r_[strength, strength] * (nodes / max(2 * strength.sum(), 1e-9))
         return sp.csr_array((half, (np.r_[i, j], np.r_[j, i])), (nodes, nodes))
 
-    return sp.csr_array(part(w.edge, w.boundary) + time * part(w.link, w.carried))
+    space = part(w.edge, w.boundary, w.edge_colour)
+    return sp.csr_array(space + time * part(w.link, w.carried, colour_distance(w, w.link)))
 
 
 def diffuse(

@@ -33,10 +33,11 @@ def task(task: Task) -> Left:
         label[:] = paint(frame, segment, value, ids, shape, task.settings.labels)
         if ignored is not None:
             label[ignored] = 0
-    ids = np.unique(labels)
-    area = np.stack([np.bincount(label.ravel(), minlength=int(ids[-1]) + 1)[ids] for label in labels])
+    largest = int(labels.max())
+    area = np.stack([np.bincount(label.ravel(), minlength=largest + 1) for label in labels])
+    ids = np.flatnonzero(area.any(0))
     return Left(
-        arrays={"label": labels}, tables={"object": ids.astype(np.int64), "area": area.astype(np.int64)}
+        arrays={"label": labels}, tables={"object": ids.astype(np.int64), "area": area[:, ids].astype(np.int64)}
     )
 
 

@@ -43,7 +43,7 @@ def task(task: Task) -> Left:
             moving = moving_objects(task.inputs["groups"], first, last, len(table["group"]))
             for label, state in zip(labels, moving, strict=True):
                 mask = paint_table(table["group"], state, task.settings.masks.when)[label]
-                image = overlay(next(images), mask.astype(np.uint16))
+                image = overlay(next(images), mask)
                 even = image[: stream.height, : stream.width]
                 for packet in stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(even), "bgr24")):
                     container.mux(packet)

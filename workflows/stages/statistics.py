@@ -19,7 +19,8 @@ def task(task: Task) -> Left:
     labels = shrink(task.inputs["labels"].read("label", task.start, task.stop), *task.grid)
     frames = task.inputs["frames"].read("frame", task.start, min(task.stop + 1, task.frames))
     ignore = task.ignored
-    ids = np.union1d([0], np.unique(labels)).astype(np.int64)
+    pixels = np.bincount(labels.ravel())
+    ids = np.union1d([0], np.flatnonzero(pixels)).astype(np.int64)
     s = task.settings.statistics
     rows = len(ids) + s.cells_y * s.cells_x
     grams = np.zeros((task.last_pair - task.start, rows, SIZE, SIZE))
