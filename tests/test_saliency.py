@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from conftest import draw_clip
 from scipy.sparse.csgraph import bellman_ford
 
-from zsmoseg import flow, kernels, saliency, spacetime, superpixels, tables
+from zsmoseg import flow, saliency, spacetime, superpixels, tables
 from zsmoseg.settings import Flow, Objects, Segments, Tables
 from zsmoseg.tracking import Tracker
 
@@ -172,7 +172,7 @@ def test_the_robust_fit_recovers_a_quadratic_field_under_outliers():
     field = rng.normal(size=(6, 2))
     target = basis @ field
     target[:120] += 5
-    fitted = kernels.fit_quadratic(np.array([0, 400]), basis, target, np.ones(400), 20, 0.01)[0]
+    fitted = saliency.fit_fields(np.array([0, 400]), basis, target, np.ones(400), 20, 0.01)[0]
     assert np.abs(fitted - field).max() < 0.01
 
 

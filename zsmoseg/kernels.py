@@ -274,43 +274,39 @@ def blur(grid: Array) -> None:
 
 
 @nb.njit(cache=True)
-def fit_quadratic(
-    offset: Array, basis: Array, flow: Array, weight: Array, rounds: int, least: float
-) -> Array:
-    """Robust fit of flow (n, 2) by a basis (n, 6) in each frame: factors (frames, 6, 2)."""
-    frames = len(offset) - 1
-    fields = np.zeros((frames, 6, 2))
-    for t in range(frames):
-        rows = range(offset[t], offset[t + 1])
-        current = weight[offset[t] : offset[t + 1]].copy()
-        residual = np.zeros(len(current))
-        for _ in range(rounds):
-            normal, right = np.zeros((6, 6)), np.zeros((6, 2))
-            for k in rows:
-                w = current[k - offset[t]]
-                for i in range(6):
-                    for j in range(i + 1):
-                        normal[i, j] += w * basis[k, i] * basis[k, j]
-                    right[i, 0] += w * basis[k, i] * flow[k, 0]
-                    right[i, 1] += w * basis[k, i] * flow[k, 1]
+def normal_equations(offset: Array, basis: Array, flow: Array, weight: Array) -> tuple[Array, Array]:
+    """Of the weighted fit of flow (n, 2) by a basis (n, 6) in each frame: (frames, 6, 6), (frames, 6, 2)."""
+    normal, right = np.zeros((len(offset) - 1, 6, 6)), np.zeros((len(offset) - 1, 6, 2))
+    for t in range(len(offset) - 1):
+        for k in range(offset[t], offset[t + 1]):
             for i in range(6):
-                for j in range(i):
-                    normal[j, i] = normal[i, j]
-            ridge = 1e-5 * normal[0, 0] + 1e-6
+                scaled = weight[k] * basis[k, i]
+                for j in range(i + 1):
+                    normal[t, i, j] += scaled * basis[k, j]
+                right[t, i, 0] += scaled * flow[k, 0]
+                right[t, i, 1] += scaled * flow[k, 1]
+        for i in range(6):
+            for j in range(i):
+                normal[t, j, i] = normal[t, i, j]
+    return normal, right
+
+
+@nb.njit(cache=True)
+def reweigh(offset: Array, basis: Array, flow: Array, weight: Array, factor: Array, least: float) -> Array:
+    """Weight over (1 + (r / scale)^2)^2, r the residual of the fit ``factor`` (frames, 6, 2)."""
+    residual, out = np.empty(len(weight)), np.empty(len(weight))
+    for t in range(len(offset) - 1):
+        for k in range(offset[t], offset[t + 1]):
+            u, v = flow[k, 0], flow[k, 1]
             for i in range(6):
-                normal[i, i] += ridge
-            fields[t] = np.linalg.solve(normal, right)
-            for k in rows:
-                u, v = flow[k, 0], flow[k, 1]
-                for i in range(6):
-                    u -= basis[k, i] * fields[t, i, 0]
-                    v -= basis[k, i] * fields[t, i, 1]
-                residual[k - offset[t]] = np.sqrt(u * u + v * v)
-            original = weight[offset[t] : offset[t + 1]]
-            scale = max(1.4826 * _weighted_median(residual, original), least)
-            for k in range(len(current)):
-                current[k] = original[k] / (1 + (residual[k] / scale) ** 2) ** 2
-    return fields
+                u -= basis[k, i] * factor[t, i, 0]
+                v -= basis[k, i] * factor[t, i, 1]
+            residual[k] = np.sqrt(u * u + v * v)
+        a, b = offset[t], offset[t + 1]
+        scale = max(1.4826 * _weighted_median(residual[a:b], weight[a:b]), least)
+        for k in range(a, b):
+            out[k] = weight[k] / (1 + (residual[k] / scale) ** 2) ** 2
+    return out
 
 
 @nb.njit(cache=True)

@@ -148,10 +148,22 @@ def own_motion(w: Window, weight: Floats, s: settings.Objects) -> tuple[Floats, 
     basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 1)
 
     def residual(flow: Floats) -> Floats:
-        field = kernels.fit_quadratic(w.offset, basis, flow, weight, s.camera_rounds, 0.1)
+        field = fit_fields(w.offset, basis, flow, weight, s.camera_rounds)
         return np.asarray(flow[:, :2] - np.einsum("nk,nkc->nc", basis, field[w.frame]), np.float64)
 
     return residual(w.forth), residual(w.back)
+
+
+def fit_fields(
+    offset: NDArray[np.int64], basis: Floats, flow: Floats, weight: Floats, rounds: int, least: float = 0.1
+) -> Floats:
+    """Robust fits (frames, 6, 2) of a flow (nodes, 2) by a basis (nodes, 6), frame by frame; ``least`` in px."""
+    current = weight = np.ascontiguousarray(weight)
+    for _ in range(rounds):
+        normal, right = kernels.normal_equations(offset, basis, flow, current)
+        field = np.linalg.solve(normal + 1e-5 * (normal[:, :1, :1] + 0.1) * np.eye(6), right)
+        current = kernels.reweigh(offset, basis, flow, weight, field, least)
+    return np.asarray(field, np.float64)
 
 
 def camera_residual(w: Window, own: tuple[Floats, Floats]) -> Floats:

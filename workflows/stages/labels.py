@@ -35,9 +35,10 @@ def task(task: Task) -> Left:
             label[ignored] = 0
     largest = int(labels.max())
     area = np.stack([np.bincount(label.ravel(), minlength=largest + 1) for label in labels])
-    ids = np.flatnonzero(area.any(0))
+    present = np.flatnonzero(area.any(0))
     return Left(
-        arrays={"label": labels}, tables={"object": ids.astype(np.int64), "area": area[:, ids].astype(np.int64)}
+        arrays={"label": labels},
+        tables={"object": present.astype(np.int64), "area": area[:, present].astype(np.int64)},
     )
 
 
