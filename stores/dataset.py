@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from zsmoseg.stores.artifact import Artifact
 
+LABELS = {"component": ["x", "y"], "channel": ["blue", "green", "red"]}
+"""Coordinates of the dimensions that always mean the same."""
+
 Table = tuple[np.ndarray[Any, Any], tuple[str, ...]]
 
 
@@ -29,7 +32,7 @@ def open_dataset(artifact: Artifact, times: Sequence[float], names: Sequence[str
     Returns
     -------
     Video arrays, read when used; and those tables whose first dimension was called ``frame`` or ``pair`` when
-    they were written, and which fit together, from all parts. Coordinates frame, time (s), name.
+    they were written, and which fit together, from all parts. Coordinates frame, time (s), name; component and channel by name.
 
     Raises
     ------
@@ -57,7 +60,7 @@ def _label(found: xr.Dataset, times: Sequence[float], names: Sequence[str]) -> x
                 time=(dim, np.asarray(times[:count], float), {"units": "s"}),
                 name=(dim, np.asarray(names[:count], object)),
             )
-    return found
+    return found.assign_coords({dim: labels for dim, labels in LABELS.items() if dim in found.sizes})
 
 
 def _joined_tables(artifact: Artifact) -> dict[str, tuple[tuple[str, ...], np.ndarray[Any, Any]]]:

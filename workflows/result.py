@@ -19,6 +19,7 @@ from zsmoseg.workflows.run import Request, run
 from zsmoseg.workflows.stages.masks import moving_objects
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
     from numpy.typing import NDArray
 
@@ -73,6 +74,8 @@ class Result:
 
     def artifact(self, stage: str) -> Artifact:
         """The artifact of one stage."""
+        if stage not in self.keys:
+            raise StoreError(f"{self.name}: the run stopped before {stage} (--until); run it to the end")
         return self.store.artifact(self.video, stage, self.keys[stage])
 
     @property
@@ -111,11 +114,14 @@ class Result:
         return masks
 
     @property
-    def objects(self) -> dict[str, NDArray[Any]]:
-        """Columns by name: object, group, thing, frames, area, excess (px), threshold (px), margin."""
+    def objects(self) -> pd.DataFrame:
+        """One row an object: object, group, thing, frames, area, score (px), threshold (px), visibility."""
+        import pandas as pd
+
         table = self.artifact("groups").read_table(0)
         seen = np.flatnonzero(table["area"] > 0)
-        return {"object": seen, **{n: c[seen] for n, c in table.items() if len(c) == len(table["group"])}}
+        columns = {n: c[seen] for n, c in table.items() if len(c) == len(table["group"])}
+        return pd.DataFrame({"object": seen, **columns})
 
     def moving(self) -> NDArray[np.bool_]:
         """(frame, object) whether each object moves at each frame."""

@@ -1,0 +1,62 @@
+"""What each step of the embedded default's proposals is worth: scores with one step taken out at a time.
+
+    python benchmarks/embedded_ablation.py DAVIS CACHE
+
+DAVIS holds JPEGImages/480p and Annotations/480p; flow, superpixels and tables are kept in CACHE. Scores as in
+``embedded_scores.py``: of the proposals, before the decision.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+from embedded_scores import cues, masks, scores
+
+from zsmoseg.settings import resolve
+
+ROWS = {
+    "all steps": {},
+    "no path of colour from the border": {"objects.border_colour": 1e-6},
+    "no diffusion": {"objects.spread": 0.0},
+    "no colour in the links": {"objects.link_colour": 1e6},
+    "no links in time": {"objects.link_time": 1e-6},
+    "no contrast in the threshold": {"objects.contrast_colour": 1e-6, "objects.contrast_flow": 1e-6},
+    "threshold of each frame alone": {"objects.window": 0},
+    "no persistence": {"objects.clean_power": 0.0},
+    "motion trusted without texture": {"objects.trust_least": 1.0},
+    "motion counts unseen": {"objects.show_detail": 1e12},
+    "superpixels 11.5 px apart": {"segments.pitch": 11.5},
+    "binary map not filtered": {"labels.guide_eps": 1e3, "labels.guide_radius": 1},
+}
+"""Settings that take one step out."""
+
+
+def main() -> None:
+    """Print the table."""
+    davis, cache = map(Path, sys.argv[1:])
+    cv2.setNumThreads(1)
+    names = sorted(path.name for path in (davis / "JPEGImages/480p").iterdir())
+    truths = {}
+    for name in names:
+        files = sorted((davis / "Annotations/480p" / name).glob("*.png"))
+        truths[name] = np.stack([cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) > 127 for file in files])
+    print(f"{'means of ' + str(len(names)):<34} {'J':>6} {'Fu':>6} {'Pu':>6} {'Ru':>6}   largest change of J")
+    reference: dict[str, float] = {}
+    for title, overrides in ROWS.items():
+        s = resolve(overrides=overrides)
+        rows = {
+            name: scores(masks(cues(davis / "JPEGImages/480p" / name, s, cache), s)[0] > 0, truths[name])
+            for name in names
+        }
+        reference = reference or {name: row[0] for name, row in rows.items()}
+        change = {name: row[0] - reference[name] for name, row in rows.items()}
+        worst = max(change, key=lambda name: abs(change[name]))
+        mean = " ".join(f"{value:6.1f}" for value in np.mean(list(rows.values()), 0))
+        print(f"{title:<34} {mean}   {worst} {change[worst]:+.1f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
