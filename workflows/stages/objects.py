@@ -77,5 +77,5 @@ STAGE = Stage(
     inputs={"tables": ALL, "flow": ALL},
     sections=("frames", "objects"),
     scope="video",
-    cost=(9.5, 3.0),
+    cost=(14.2, 6.2),
 )

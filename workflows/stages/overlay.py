@@ -67,5 +67,5 @@ STAGE = Stage(
     sections=("masks", "overlay"),
     scope="video",
     files=files,
-    cost=(6.8, 25.0),
+    cost=(5.6, 25.0),
 )

@@ -38,4 +38,4 @@ def _groups(task: Task) -> Iterator[tuple[str, Mapping[str, NDArray[Any]]]]:
         )
 
 
-STAGE = Stage("residuals", 1, task, inputs={"statistics": 0}, sections=("motion",), cost=(0.3, 0.4))
+STAGE = Stage("residuals", 1, task, inputs={"statistics": 0}, sections=("motion",), cost=(0.3, 0.3))

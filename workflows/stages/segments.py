@@ -35,5 +35,5 @@ STAGE = Stage(
     inputs={"frames": 0},
     sections=("frames", "segments"),
     arrays=arrays,
-    cost=(7.7, 20.0),
+    cost=(7.0, 27.0),
 )

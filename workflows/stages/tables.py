@@ -30,5 +30,5 @@ STAGE = Stage(
     task,
     inputs={"frames": 1, "segments": 1, "flow": 0},
     sections=("tables", "ignore"),
-    cost=(7.0, 57.0),
+    cost=(7.7, 154.9),
 )
