@@ -40,10 +40,11 @@ def task(task: Task) -> Left:
     sizes = {}
     names = iter(files(task.probe, task.start, task.stop, task.settings))
     for label, state in zip(labels, moving, strict=True):
-        for column in ("group", "thing"):
-            numbers = paint_table(table[column], state, when)[label]
-            name = next(names)
-            sizes[name] = write_bytes(Path(task.out) / name, encode_png(numbers))
+        groups, things = (paint_table(table[column], state, when) for column in ("group", "thing"))
+        image = encode_png(groups[label])
+        other = image if np.array_equal(groups, things) else encode_png(things[label])
+        for data, name in zip((image, other), names, strict=False):
+            sizes[name] = write_bytes(Path(task.out) / name, data)
     return Left(facts={"files": sizes})
 
 
