@@ -25,15 +25,13 @@ def main(options: argparse.Namespace) -> int:
     table, moving = result.objects, result.moving()
     described = result.artifact("groups").description or {}
     visible = float(described["settings"]["groups"]["visible"])
-    if options.object is not None and options.object not in table["object"]:
+    if options.object is not None and options.object not in table["object"].array:
         raise StoreError(
             f"{options.video} has no object {options.object}; there are 0 to {table['object'].max()}"
         )
-    rows = [
-        {name: column[i] for name, column in table.items()}
-        for i in range(len(table["object"]))
-        if options.object in (None, table["object"][i]) and table["object"][i] > 0
-    ]
+    rows = [row for row in table.to_dict("records") if row["object"] > 0]
+    if options.object is not None:
+        rows = [row for row in rows if row["object"] == options.object]
     if not rows:
         print("nothing was proposed: no superpixel stands out from the camera's motion")
     for row in rows:
