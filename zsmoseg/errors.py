@@ -3,6 +3,8 @@
 ZsmosegError
 ├── SettingsError    a setting, preset or option: unknown, wrong type, out of range
 ├── VideoError       a source: missing, not a video, damaged, too short, frames of different size
+├── FormatError      a file of masks, flow, depth or tracks: other size, other names, out of range, damaged
+├── DatasetError     truth to compare with: no known layout, frames or sequences missing
 ├── StoreError       a store: not one, of a newer version, damaged, of another source
 ├── OutputError      an output folder: made by something else or from another source
 ├── SpaceError       the disk is full or too small for the plan
@@ -22,6 +24,14 @@ class SettingsError(ZsmosegError):
 
 class VideoError(ZsmosegError):
     """A source cannot be read as a video."""
+
+
+class FormatError(ZsmosegError):
+    """A file of masks, flow, depth or tracks cannot be used."""
+
+
+class DatasetError(ZsmosegError):
+    """A dataset cannot be used: no known layout, frames or sequences missing."""
 
 
 class StoreError(ZsmosegError):

@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from types import ModuleType
 
 from zsmoseg import __version__
 from zsmoseg.errors import ZsmosegError
@@ -13,6 +14,10 @@ from zsmoseg.errors import ZsmosegError
 COMMANDS = {
     "run": "segment videos: what is missing is computed, the rest is kept",
     "demo": "render a synthetic clip, segment it and score it",
+    "import": "bring masks, flow or depth that you already have into a store",
+    "export": "the result for other tools: masks, tracks, cues",
+    "evaluate": "score masks against the truth of a dataset, as the official evaluators do",
+    "ablate": "one setting after the other over one set of cached cues, scored",
     "status": "what the store holds of each video",
     "explain": "why each object was called moving or static",
     "verify": "check every file of the store; exits with 1 when something is wrong",
@@ -32,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 2
     try:
-        return int(import_module(f"zsmoseg.workflows.cli.{command}").main(options))
+        return int(_module(command).main(options))
     except ZsmosegError as error:
         print(f"zsmoseg: {error}", file=sys.stderr)
         return 2
@@ -54,5 +59,10 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
     for name, what in COMMANDS.items():
         sub = commands.add_parser(name, help=what, description=what)
         if name == command:
-            import_module(f"zsmoseg.workflows.cli.{name}").options(sub)
+            _module(name).options(sub)
     return parser
+
+
+def _module(command: str) -> ModuleType:
+    """The file of a command; ``import`` is no name for a module."""
+    return import_module(f"zsmoseg.workflows.cli.{'import_' if command == 'import' else command}")
