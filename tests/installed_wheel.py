@@ -38,7 +38,7 @@ def main() -> None:
         )
         script = (
             "import sys; sys.path.insert(0, sys.argv[1]); import zsmoseg, zsmoseg.workflows.stages as s; "
-            "assert zsmoseg.__file__.startswith(sys.argv[1]); print(len(s.STAGES), 'stages')"
+            "assert zsmoseg.__file__.startswith(sys.argv[1]); print(len(s.names()), 'stages')"
         )
         subprocess.run([sys.executable, "-I", "-c", script, str(site)], check=True, cwd=folder)
     print("wheel ok")

@@ -13,9 +13,9 @@ from conftest import textured, write_folder
 from runs import Report, segment
 
 from zsmoseg.settings import Settings, defaults, resolve
-from zsmoseg.workflows.plan import _following
+from zsmoseg.workflows.plan import following
 from zsmoseg.workflows.run import Request, dry_run
-from zsmoseg.workflows.stages import STAGES
+from zsmoseg.workflows.stages import FRONTS
 
 OTHER: dict[str, Any] = {
     "video.start": "1f",
@@ -29,6 +29,14 @@ NO_BYTES = {
     "video.fps": "times of images: asserted on the times",
     "video.allow_truncated": "acts on damaged videos: tests/test_video.py",
     "video.fingerprint": "names the source: another video folder, tests/test_run.py",
+    "flow.source": "imports: tests/test_imports.py",
+    "flow.path": "imports: tests/test_imports.py",
+    "depth.path": "imports: tests/test_imports.py",
+    "depth.kind": "imports: tests/test_imports.py",
+    **{
+        f"proposals.{name}": "imports: tests/test_imports.py"
+        for name in type(Settings().proposals).model_fields
+    },
     "chunk.length": "changes nothing by design: tests/test_run.py",
 }
 """Settings that leave the bytes of a healthy clip alone, and where they are tested."""
@@ -165,8 +173,9 @@ def test_a_setting_recomputes_its_stages_and_changes_something(
         )
     )
     assert name in lines
-    readers = [s.name for s in STAGES.values() if name.split(".")[0] in s.sections]
-    expected = set().union(*(_following(reader) for reader in readers))
+    stages = FRONTS["embedded"]
+    readers = [s.name for s in stages.values() if name.split(".")[0] in s.sections]
+    expected = set().union(*(following(stages, reader) for reader in readers))
     _, counter = segment(clip, root, changed)
     assert counter.stages == expected, "other stages were computed than those that read the setting"
     assert any(changes(before, segment(clip, root, {**start, name: value})[0], root) for value in values), (

@@ -33,6 +33,7 @@ class Job:
     settings: Mapping[str, Any]
     inputs: Mapping[str, str]
     out: str = ""
+    front: str = "embedded"
 
     @property
     def name(self) -> str:
@@ -75,10 +76,10 @@ def _run(job: Job) -> Outcome:
     from zsmoseg.stores.location import Store
     from zsmoseg.video import Probe
     from zsmoseg.workflows.stage import Task
-    from zsmoseg.workflows.stages import STAGES
+    from zsmoseg.workflows.stages import FRONTS
 
     clock = time.process_time()
-    stage, store = STAGES[job.stage], Store.open(job.store, create=False)
+    stage, store = FRONTS[job.front][job.stage], Store.open(job.store, create=False)
     inputs = {name: store.artifact(job.video, name, key) for name, key in job.inputs.items()}
     described = store.artifact(job.video, "frames", job.frames).description
     assert described is not None

@@ -16,8 +16,9 @@ from zsmoseg.stores.location import Store
 from zsmoseg.stores.output import Output
 from zsmoseg.stores.schema import FORMAT
 from zsmoseg.video import Probe
-from zsmoseg.workflows.stage import ALL, Stage
-from zsmoseg.workflows.stages import STAGES
+from zsmoseg.workflows import imports
+from zsmoseg.workflows.stage import ALL, Stage, working_size
+from zsmoseg.workflows.stages import FRONTS, names
 
 
 @dataclass
@@ -57,7 +58,7 @@ class StagePlan:
 
 @dataclass
 class VideoPlan:
-    """One video: the stages in order."""
+    """One video: the stages in order, of the front end ``front``; ``brought`` are the cues that were imported."""
 
     source: str
     name: str
@@ -66,6 +67,8 @@ class VideoPlan:
     probe: Probe
     stages: dict[str, StagePlan]
     output: Output
+    front: str = "embedded"
+    brought: Mapping[str, imports.Brought] = field(default_factory=dict)
 
     @property
     def files(self) -> list[str]:
@@ -104,47 +107,56 @@ def plan_video(
     settings: Settings,
     out: str,
     start_from: str | None = None,
-    until: str | None = None,
+    until: Sequence[str] = (),
 ) -> VideoPlan:
-    """The plan of one video.
+    """The plan of one video, up to the stages ``until``; without them all.
 
     Raises
     ------
     SettingsError
-        ``start_from`` or ``until`` name no stage.
+        ``start_from`` or ``until`` name no stage; sources of cues that contradict each other.
+    FormatError
+        Files of an imported cue do not fit.
     OutputError
         The output folder is not ours.
     """
-    for option, value in (("--from", start_from), ("--until", until)):
-        if value is not None and value not in STAGES:
-            raise SettingsError(f"{option} {value}: no such stage; there are {', '.join(STAGES)}")
+    settings, brought = imports.settle(settings, store, name, video)
+    front = settings.proposals.source
+    stages = FRONTS[front]
+    for option, value in [("--from", start_from), *(("--until", stage) for stage in until)]:
+        if value is not None and value not in stages:
+            known = "with these proposals" if value in names() else "such"
+            raise SettingsError(f"{option} {value}: no stage {known}; there are {', '.join(stages)}")
     output = Output(out, video)
-    if until is None or any(STAGES[s].output for s in _needed(until)):
+    needed = _needed(stages, until)
+    if any(stage.output for stage in needed):
         output.refuse_foreign()
-    plan = VideoPlan(source, name, video, fingerprint, probe, {}, output)
-    for stage_name in _needed(until):
-        plan.stages[stage_name] = _plan_stage(plan, store, STAGES[stage_name], settings)
-    again = _following(start_from) if start_from else set()
-    for stage in plan.stages.values():
-        _mark(plan, stage, stage.stage.name in again, start_from)
+    plan = VideoPlan(source, name, video, fingerprint, probe, {}, output, front, brought)
+    for stage in needed:
+        plan.stages[stage.name] = _plan_stage(plan, store, stage, settings)
+    again = following(stages, start_from) if start_from else set()
+    for planned in plan.stages.values():
+        _mark(plan, planned, planned.stage.name in again, start_from)
+    for kind in brought:
+        if kind in plan.stages and plan.stages[kind].todo:
+            grid = working_size(probe, settings.frames.width)
+            imports.check(kind, getattr(settings, kind), probe, grid)
     return plan
 
 
-def _needed(until: str | None) -> list[str]:
-    """The stages that ``until`` needs, itself included, in order; all without it."""
-    if until is None:
-        return list(STAGES)
-    needed = {until}
-    for name in reversed(STAGES):
+def _needed(stages: Mapping[str, Stage], until: Sequence[str]) -> list[Stage]:
+    """The stages that ``until`` need, themselves included, in order; all without them; ``frames`` holds the probe."""
+    needed = {"frames", *(until or stages)}
+    for name in reversed(list(stages)):
         if name in needed:
-            needed |= set(STAGES[name].inputs)
-    return [name for name in STAGES if name in needed]
+            needed |= set(stages[name].inputs)
+    return [stage for name, stage in stages.items() if name in needed]
 
 
-def _following(start: str) -> set[str]:
+def following(stages: Mapping[str, Stage], start: str) -> set[str]:
     """The stage ``start`` and all that hangs on it."""
     found = {start}
-    for name, stage in STAGES.items():
+    for name, stage in stages.items():
         if found & set(stage.inputs):
             found.add(name)
     return found
@@ -153,14 +165,10 @@ def _following(start: str) -> set[str]:
 def _plan_stage(plan: VideoPlan, store: Store, stage: Stage, settings: Settings) -> StagePlan:
     inputs = {name: plan.stages[name].key for name in stage.inputs}
     sections = {name: getattr(settings, name) for name in stage.sections}
-    key = artifact_key(
-        FORMAT,
-        stage.name,
-        stage.version,
-        {name: section.active() for name, section in sections.items()},
-        inputs,
-        plan.fingerprint,
-    )
+    active = {name: section.active() for name, section in sections.items()}
+    for name in active.keys() & plan.brought.keys():
+        active[name]["imported"] = plan.brought[name].fingerprint
+    key = artifact_key(FORMAT, stage.name, stage.version, active, inputs, plan.fingerprint)
     frames = len(plan.probe.times)
     parts = [(0, frames)] if stage.scope == "video" else cut(frames, settings.chunk.length)
     dumped = {name: section.model_dump(mode="json") for name, section in sections.items()}

@@ -17,7 +17,7 @@ from zsmoseg.workflows.estimate import Estimate, estimate, estimate_line, refuse
 from zsmoseg.workflows.executors import Executor, make_executor
 from zsmoseg.workflows.jobs import Job, Outcome
 from zsmoseg.workflows.plan import VideoPlan, explain_plan, plan_video
-from zsmoseg.workflows.stages import STAGES
+from zsmoseg.workflows.stages import names
 from zsmoseg.workflows.summary import write_summary
 
 SMALL = 15.0
@@ -37,7 +37,7 @@ class Request:
     scheduler: Any = "local"
     workers: int | None = None
     start_from: str | None = None
-    until: str | None = None
+    until: Sequence[str] = ()
 
 
 class Watcher(Protocol):
@@ -279,10 +279,11 @@ def jobs(request: Request, plan: VideoPlan, index: int) -> Iterator[tuple[Job, l
                 stage.settings,
                 stage.inputs,
                 str(plan.output.path),
+                plan.front,
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]
-            yield job, before, place - len(STAGES) * index
+            yield job, before, place - len(names()) * index
 
 
 def _finish(plan: VideoPlan, request: Request, report: Report, watcher: Watcher) -> None:

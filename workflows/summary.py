@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from zsmoseg.workflows.plan import VideoPlan
 from zsmoseg.workflows.stages.masks import moving_objects, write_bytes
 
 NAME = "summary.json"
+STATES = "motion.csv"
 
 
 def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
@@ -20,10 +23,38 @@ def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     summary = summarise(plan, settings)
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
     plan.output.claim({})
-    size = write_bytes(plan.output.path / NAME, text.encode())
-    plan.output.add({NAME: size}, plan.stages["groups"].key)
-    plan.output.remove_others([*plan.files, NAME])
+    for name, content in ((NAME, text), (STATES, states(plan))):
+        plan.output.add(
+            {name: write_bytes(plan.output.path / name, content.encode())}, plan.stages["groups"].key
+        )
+    plan.output.remove_others([*plan.files, NAME, STATES])
     return summary
+
+
+def states(plan: VideoPlan) -> str:
+    """CSV, a row for every object at every frame that shows it: whether it moves, and by what margin.
+
+    The margin is ln(excess / threshold), empty where it is unknown.
+    """
+    groups, labels = plan.stages["groups"].artifact, plan.stages["labels"].artifact
+    assert groups is not None
+    assert labels is not None
+    table, out = groups.read_table(0), StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(["frame", "name", "seconds", "object", "thing", "group", "moving", "margin"])
+    shots = [(int(shot.split("-")[1]), groups.read_table(0, shot)) for shot in groups.groups(0)]
+    for part, (start, stop) in enumerate(labels.parts):
+        seen = labels.read_table(part)
+        for frame in range(start, stop):
+            first, state = next(shot for shot in reversed(shots) if shot[0] <= frame)
+            for n in seen["object"][seen["area"][frame - start] > 0]:
+                if n:
+                    local = int(np.searchsorted(state["object"], n))
+                    moving, margin = (state[name][frame - first, local] for name in ("moving", "margin"))
+                    about = [n, table["thing"][n], table["group"][n], int(moving)]
+                    when = [frame, plan.probe.names[frame], f"{plan.probe.times[frame]:.4f}"]
+                    rows.writerow([*when, *about, f"{margin:.3f}" if np.isfinite(margin) else ""])
+    return out.getvalue()
 
 
 def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:

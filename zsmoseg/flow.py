@@ -48,6 +48,41 @@ def _planar(flow: NDArray[Any]) -> NDArray[np.float32]:
     return np.ascontiguousarray(np.moveaxis(flow, 2, 0), np.float32)
 
 
+def resized(flow: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.float32]:
+    """A flow (2, H, W) on a grid of another (height, width), in px of that grid; NaN = unknown.
+
+    A pixel is known where half of what it is the mean of is.
+    """
+    if flow.shape[1:] == shape:
+        return flow
+    scale = np.array([shape[1] / flow.shape[2], shape[0] / flow.shape[1]], np.float32)[:, None, None]
+    known = np.isfinite(flow).all(0)
+
+    def shrunk(x: NDArray[Any]) -> NDArray[np.float32]:
+        return np.asarray(cv2.resize(x, shape[::-1], interpolation=cv2.INTER_AREA), np.float32)
+
+    part = shrunk(known.astype(np.float32))
+    sums = np.stack([shrunk(np.nan_to_num(axis) * known) for axis in flow])
+    return np.asarray(
+        np.where(part >= 0.5, sums * scale / np.maximum(part, np.float32(0.5)), np.nan), np.float32
+    )
+
+
+def inverted(flow: NDArray[np.float32], rounds: int = 8) -> NDArray[np.float32]:
+    """The flow back, from the flow there (2, h, w): the fixed point of back(p) = -there(p + back(p)).
+
+    Where the flow folds, one of the pixels that come to a place is taken.
+    """
+    y, x = np.mgrid[: flow.shape[1], : flow.shape[2]].astype(np.float32)
+    back = -flow
+    for _ in range(rounds):
+        u, v = np.nan_to_num(back)
+        back = -np.stack(
+            [cv2.remap(f, x + u, y + v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for f in flow]
+        )
+    return np.asarray(back, np.float32)
+
+
 def pair_state(
     a: NDArray[np.uint8],
     b: NDArray[np.uint8],

@@ -77,19 +77,33 @@ class Ignore(Section):
             raise SettingsError(f"{self.mask}: the ignore mask cannot be read ({error.strerror})") from error
 
 
+class Brought(Section):
+    """A section whose cue may be brought by the user: a path, whose content counts in the key."""
+
+    def active(self) -> dict[str, Any]:
+        """What acts, without the path: ``zsmoseg.workflows.imports`` puts the fingerprint of its content there."""
+        return {name: value for name, value in super().active().items() if name != "path"}
+
+
 class Frames(Section):
     """The working grid."""
 
     width: int = setting(427, "width of the working grid; the height follows", "px", ge=32, le=4096)
 
 
-class Flow(Section):
-    """Optical flow: OpenCV DIS, both directions."""
+class Flow(Brought):
+    """Optical flow in both directions."""
 
-    finest_scale: int = setting(0, "finest level of the pyramid; 1 = half the working grid", ge=0, le=4)
-    stride: int = setting(4, "distance of the patches (8 px wide)", "px", ge=1, le=8)
-    descent: int = setting(12, "gradient descent steps of a patch", ge=1, le=256)
-    refinement: int = setting(0, "variational refinement steps", ge=0, le=256)
+    source: Literal["auto", "dis", "imported"] = setting(
+        "auto", "dis: OpenCV DIS; imported: read from files; auto: imported where there is an import"
+    )
+    path: str = setting("", "files with the flow of one video, or a folder with one of them a video")
+    finest_scale: int = setting(
+        0, "finest level of the pyramid; 1 = half the working grid", "", ("source", "dis"), ge=0, le=4
+    )
+    stride: int = setting(4, "distance of the patches (8 px wide)", "px", ("source", "dis"), ge=1, le=8)
+    descent: int = setting(12, "gradient descent steps of a patch", "", ("source", "dis"), ge=1, le=256)
+    refinement: int = setting(0, "variational refinement steps", "", ("source", "dis"), ge=0, le=256)
     cut: float = setting(
         0.58, "share of pixels that the other frame does not explain above which a pair is a cut", gt=0, le=1
     )
@@ -101,11 +115,49 @@ class Flow(Section):
     )
 
 
-class Depth(Section):
+class Depth(Brought):
     """Pseudo depth."""
 
-    source: Literal["constant", "ground"] = setting(
-        "constant", "constant: no depth; ground: a plane that comes nearer towards the bottom"
+    source: Literal["auto", "ground", "constant", "imported"] = setting(
+        "auto",
+        "constant: no depth; ground: a plane that comes nearer towards the bottom; imported: read from files; "
+        "auto: imported where there is an import, else constant",
+    )
+    path: str = setting("", "files with the depth of one video, or a folder with one of them a video")
+    kind: Literal["", "depth", "inverse-depth"] = setting(
+        "", "what the imported numbers are: larger = farther, or larger = nearer", "", ("source", "imported")
+    )
+
+
+class Proposals(Brought):
+    """Where the objects come from."""
+
+    source: Literal["auto", "embedded", "imported"] = setting(
+        "auto",
+        "embedded: superpixels that stand out from the camera's motion; imported: masks read from files; "
+        "auto: imported where there is an import",
+    )
+    path: str = setting("", "masks of one video, or a folder with one of them a video")
+    kind: Literal["auto", "ids", "masks"] = setting(
+        "auto",
+        "ids: a number is the same object in all frames; masks: every frame counts anew; auto: what the format says",
+        "",
+        ("source", "imported"),
+    )
+    link_overlap: float = setting(
+        0.3,
+        "intersection over union with an object carried along the flow from which a mask is that object",
+        "",
+        ("source", "imported"),
+        gt=0,
+        le=1,
+    )
+    link_gap: int = setting(
+        3,
+        "frames that an object may miss its mask and still be found again",
+        "frames",
+        ("source", "imported"),
+        ge=1,
     )
 
 
@@ -202,8 +254,23 @@ class Motion(Section):
     """The motion model."""
 
     model: Literal[
-        "screw", "screw-shift", "screw-printed", "screw-plane", "quadratic", "planar", "affine", "translation"
-    ] = setting("affine", "parametric flow of one object at one pair")
+        "auto",
+        "screw",
+        "screw-shift",
+        "screw-printed",
+        "screw-plane",
+        "quadratic",
+        "planar",
+        "affine",
+        "translation",
+    ] = setting(
+        "auto",
+        "parametric flow of one object at one pair; auto: screw-shift where there is a depth, else affine",
+    )
+
+    def chosen(self, depth: bool) -> str:
+        """The name of the model, with depth or without."""
+        return self.model if self.model != "auto" else "screw-shift" if depth else "affine"
 
 
 class Affinity(Section):
@@ -234,9 +301,10 @@ class Affinity(Section):
 class Groups(Section):
     """Which objects move together, and which do not move. Excess: root mean square, px of the working grid."""
 
-    rule: Literal["calibrated", "spectral"] = setting(
+    rule: Literal["calibrated", "spectral", "keep"] = setting(
         "calibrated",
-        "calibrated: evidence against the background's own cells; spectral: cluster the affinity",
+        "calibrated: evidence against the background's own cells; spectral: cluster the affinity; "
+        "keep: all proposals move, each by itself",
     )
     count: Literal["auto"] | Annotated[int, Field(ge=1)] = setting(
         "auto", "number of groups, the static one included, or auto"
@@ -311,6 +379,7 @@ class Settings(BaseModel):
     frames: Frames = Frames()
     flow: Flow = Flow()
     depth: Depth = Depth()
+    proposals: Proposals = Proposals()
     segments: Segments = Segments()
     tables: Tables = Tables()
     objects: Objects = Objects()

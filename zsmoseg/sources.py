@@ -121,6 +121,11 @@ def unique_names(videos: Sequence[str]) -> list[str]:
     return names
 
 
+def title(video: str) -> str:
+    """What a video is called by itself: its folder, or its file without the ending."""
+    return _parts(video)[-1]
+
+
 def _parts(video: str) -> list[str]:
     """The path as names that are safe in file names; a glob is named by its folder."""
     path = Path(os.path.abspath(video))

@@ -17,8 +17,15 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print the evidence."""
+    """Print the evidence.
+
+    Raises
+    ------
+    StoreError
+        There is no such object.
+    """
     from zsmoseg.errors import StoreError
+    from zsmoseg.workflows.evidence import details
     from zsmoseg.workflows.result import open_store
 
     result = open_store(store_path(options.store)).get(options.video, options.run)
@@ -27,7 +34,8 @@ def main(options: argparse.Namespace) -> int:
     visible = float(described["settings"]["groups"]["visible"])
     if options.object is not None and options.object not in table["object"].array:
         raise StoreError(
-            f"{options.video} has no object {options.object}; there are 0 to {table['object'].max()}"
+            f"{options.video} has no object {options.object}; there are "
+            + (", ".join(map(str, table["object"][1:])) or "none")
         )
     rows = [row for row in table.to_dict("records") if row["object"] > 0]
     if options.object is not None:
@@ -36,6 +44,9 @@ def main(options: argparse.Namespace) -> int:
         print("nothing was proposed: no superpixel stands out from the camera's motion")
     for row in rows:
         print(sentence(row, int(moving[:, row["object"]].sum()), visible))
+    if options.object:
+        for line in details(result, options.object):
+            print(f"  {line}")
     return 0
 
 

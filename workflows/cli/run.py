@@ -16,24 +16,60 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("sources", nargs="+", metavar="SOURCE", help="video file, folder of frames, glob, or dataset folder")
     add("-o", "--out", type=Path, default=Path(OUT), help=f"output folder (default: {OUT})")
     store_option(parser)
+    add("--groups", metavar="auto|K", help="number of groups, the static one included (groups.count)")
+    setting_options(parser)
+    add("--from", dest="start_from", metavar="STAGE", help="compute STAGE and all that hangs on it again")
+    add("--until", metavar="STAGE", help="stop after STAGE")
+    add("--dry-run", action="store_true", help="print what would be done, and why")
+    execution_options(parser)
+    frame_options(parser)
+    add("--ignore", metavar="MASK.png", help="pixels that count for nothing (ignore.mask)")
+    cue_options(parser)
+
+
+def setting_options(parser: argparse.ArgumentParser) -> None:
+    """Settings: a preset, a file, single ones."""
+    add = parser.add_argument
     add(
         "--preset",
         default="default",
         help="default, or paper-core: the paper to the letter from proposals on",
     )
-    add("--groups", metavar="auto|K", help="number of groups, the static one included (groups.count)")
     add("--set", action="append", default=[], metavar="KEY=VALUE", help="one setting; see zsmoseg settings")
     add("--config", type=Path, metavar="FILE", help="settings in TOML")
+
+
+def execution_options(parser: argparse.ArgumentParser) -> None:
+    """Where it runs."""
+    add = parser.add_argument
     add("--scheduler", default="local", help="local, serial, the address of a Dask scheduler, or its file")
     add("--workers", type=positive, help="worker processes of --scheduler local (default: the cores)")
-    add("--from", dest="start_from", metavar="STAGE", help="compute STAGE and all that hangs on it again")
-    add("--until", metavar="STAGE", help="stop after STAGE")
-    add("--dry-run", action="store_true", help="print what would be done, and why")
+
+
+def frame_options(parser: argparse.ArgumentParser) -> None:
+    """Which frames are used."""
+    add = parser.add_argument
     add("--start", metavar="T", help="first frame: seconds, or 300f (video.start)")
     add("--end", metavar="T", help="end, exclusive: seconds, or 300f (video.end)")
     add("--every", metavar="N", help="use every n-th frame (video.every)")
-    add("--ignore", metavar="MASK.png", help="pixels that count for nothing (ignore.mask)")
     add("--allow-truncated", action="store_true", help="use what can be decoded of a damaged video")
+
+
+def cue_options(parser: argparse.ArgumentParser) -> None:
+    """What users bring instead of computing it."""
+    add = parser.add_argument
+    add(
+        "--proposals",
+        metavar="PATH",
+        help="masks: of this video, or a folder with one a video (proposals.path)",
+    )
+    add("--flow", metavar="PATH", help="optical flow, likewise (flow.path)")
+    add("--depth", metavar="PATH", help="depth, likewise (depth.path), with --depth-is")
+    add(
+        "--depth-is",
+        choices=("depth", "inverse-depth"),
+        help="depth: larger = farther; inverse-depth: larger = nearer (depth.kind)",
+    )
 
 
 def positive(text: str) -> int:
@@ -50,14 +86,19 @@ def overrides(options: argparse.Namespace) -> dict[str, Any]:
 
     given = dict(parse_override(text) for text in options.set)
     named = {
-        "groups.count": options.groups,
-        "video.start": options.start,
-        "video.end": options.end,
-        "video.every": options.every,
-        "ignore.mask": options.ignore,
-        "video.allow_truncated": options.allow_truncated or None,
+        "groups.count": "groups",
+        "video.start": "start",
+        "video.end": "end",
+        "video.every": "every",
+        "video.allow_truncated": "allow_truncated",
+        "ignore.mask": "ignore",
+        "proposals.path": "proposals",
+        "flow.path": "flow",
+        "depth.path": "depth",
+        "depth.kind": "depth_is",
     }
-    return given | {name: value for name, value in named.items() if value is not None}
+    told = {name: getattr(options, option, None) for name, option in named.items()}
+    return given | {name: value for name, value in told.items() if value not in (None, False)}
 
 
 def main(options: argparse.Namespace) -> int:
@@ -73,7 +114,7 @@ def main(options: argparse.Namespace) -> int:
         options.scheduler,
         options.workers,
         options.start_from,
-        options.until,
+        [options.until] if options.until else [],
     )
     if options.dry_run:
         for line in dry_run(request):

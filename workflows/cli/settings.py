@@ -20,16 +20,16 @@ def main(options: argparse.Namespace) -> int:
     """
     from zsmoseg.errors import SettingsError
     from zsmoseg.settings import PRESETS, defaults, describe
-    from zsmoseg.workflows.stages import STAGES
+    from zsmoseg.workflows.stages import readers
 
     names = [name for name in defaults() if options.name in name]
     if not names:
         raise SettingsError(f"no setting has {options.name!r} in its name; zsmoseg settings lists them all")
     for name in names:
         about = describe(name)
-        readers = ", ".join(s.name for s in STAGES.values() if name.split(".")[0] in s.sections)
+        stages = ", ".join(readers(name.split(".")[0]))
         print(f"{name} = {about['default']!r:<10} {about['unit']}  ({about['allowed']})")
-        print(f"    {about['meaning']}" + (f" [{readers}]" if readers else ""))
+        print(f"    {about['meaning']}" + (f" [{stages}]" if stages else ""))
     if not options.name:
         for preset, values in PRESETS.items():
             print(f"--preset {preset}: " + ", ".join(f"{n} = {v}" for n, v in values.items()))

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from zsmoseg.depth import inverse_depth
+from zsmoseg.depth import ground
 from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.video import Probe
+from zsmoseg.workflows.imports import depth_of
 from zsmoseg.workflows.stage import Left, Stage, Task, working_size
 
 
@@ -25,9 +26,11 @@ def task(task: Task) -> Left:
     """Depth of one chunk."""
     if task.settings.depth.source == "constant":
         return Left()
-    frames = task.inputs["frames"].read("frame", task.start, task.stop)
-    depth = [inverse_depth(frame, task.settings.depth) for frame in frames]
-    return Left(arrays={"inverse_depth": np.stack([d for d in depth if d is not None]).astype(np.float16)})
+    if task.settings.depth.source == "imported":
+        depth = list(depth_of(task.settings.depth, task.probe, task.start, task.stop, task.grid))
+    else:
+        depth = [ground(*task.grid)] * (task.stop - task.start)
+    return Left(arrays={"inverse_depth": np.stack(depth).astype(np.float16)})
 
 
 STAGE = Stage("depth", 1, task, inputs={"frames": 0}, sections=("frames", "depth"), arrays=arrays)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zsmoseg import flow
 from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.tables import STATES
 from zsmoseg.video import Probe
+from zsmoseg.workflows.imports import flow_of
 from zsmoseg.workflows.stage import Left, Stage, Task, working_size
 
 
@@ -37,8 +40,7 @@ def task(task: Task) -> Left:
     """Flow of the pairs that start in one chunk."""
     frames = task.inputs["frames"].read("frame", task.start, task.last_pair + 1)
     forward, backward, states = [], [], []
-    for a, b in pairwise(frames):
-        there, back = flow.between(a, b, task.settings.flow)
+    for (a, b), (there, back) in zip(pairwise(frames), _pairs(task, frames), strict=True):
         forward.append(there)
         backward.append(back)
         states.append(STATES.index(flow.pair_state(a, b, there, back, task.settings.flow)))
@@ -51,6 +53,16 @@ def task(task: Task) -> Left:
         },
         tables={"state": state, "valid": state == 0},
     )
+
+
+def _pairs(
+    task: Task, frames: NDArray[np.uint8]
+) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
+    """Flow there and back of every pair of the chunk."""
+    s = task.settings.flow
+    if s.source == "imported":
+        return flow_of(s, task.probe, task.start, task.last_pair, task.grid)
+    return (flow.between(a, b, s) for a, b in pairwise(frames))
 
 
 STAGE = Stage(

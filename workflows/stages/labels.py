@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zsmoseg.paint import paint
 from zsmoseg.stores.schema import ArraySpec
@@ -33,13 +34,15 @@ def task(task: Task) -> Left:
         label[:] = paint(frame, segment, value, ids, shape, task.settings.labels)
         if ignored is not None:
             label[ignored] = 0
+    return Left(arrays={"label": labels}, tables=measured(labels))
+
+
+def measured(labels: NDArray[np.uint16]) -> dict[str, NDArray[np.int64]]:
+    """The objects in ``labels`` (frames, H, W), and ``area`` (frames, objects) in px."""
     largest = int(labels.max())
     area = np.stack([np.bincount(label.ravel(), minlength=largest + 1) for label in labels])
     present = np.flatnonzero(area.any(0))
-    return Left(
-        arrays={"label": labels},
-        tables={"object": present.astype(np.int64), "area": area[:, present].astype(np.int64)},
-    )
+    return {"object": present.astype(np.int64), "area": area[:, present].astype(np.int64)}
 
 
 STAGE = Stage(

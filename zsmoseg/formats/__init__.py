@@ -1,1 +1,8 @@
-"""One file a format: bytes to arrays and back."""
+"""One file a format or family: bytes to arrays and back; ``open_masks``, ``open_flow``, ``open_depth`` find which."""
+
+from zsmoseg.formats.depth import inverse_depth, open_depth
+from zsmoseg.formats.flow import open_flow
+from zsmoseg.formats.masks import open_masks
+from zsmoseg.formats.names import find_for_video, match_frames
+
+__all__ = ["find_for_video", "inverse_depth", "match_frames", "open_depth", "open_flow", "open_masks"]

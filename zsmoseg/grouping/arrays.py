@@ -65,7 +65,7 @@ def group_arrays(
     """
     grams = shot_grams(labels, flow, inverse_depth, settings, ignore, valid)
     count = int(labels.max(initial=0)) + 1
-    model = settings.motion.model
+    model = settings.motion.chosen(inverse_depth is not None)
     pairs = ((g.ids, *pair_residuals(g.objects, MODELS[model])[:2]) for g in grams)
     affinity = normalised(*accumulate(pairs, count, settings.affinity))
     pieces = measure_pieces(labels, frames, np.arange(count, dtype=np.int64))

@@ -33,7 +33,7 @@ class ShotGroups:
     """(T, N) ln(excess / threshold), NaN = unknown."""
     decision: Decision
     eigenvalues: Floats
-    """Of the normalised affinity, where a spectral rule used them."""
+    """Of the normalised affinity of the objects that are seen, the largest first."""
     warnings: list[str] = field(default_factory=list)
 
 
@@ -64,9 +64,12 @@ def group_shot(
     visible = None if visibility is None else visibility >= s.visible
     decision = decide(shot, area, MODELS[model], s, visible)
     summary = _summarise(shot, len(support))
-    eigenvalues = np.zeros(0)
-    if s.rule == "spectral":
-        group, eigenvalues = spectral_groups(affinity, area, s)
+    eigenvalues = _eigenvalues(affinity, area)
+    if s.rule == "keep":
+        group = kept_groups(support, s)
+        near = nearness(pieces, summary.velocity, shape, np.flatnonzero(group > 0), s)
+    elif s.rule == "spectral":
+        group = spectral_groups(affinity, area, s)
         near = nearness(pieces, summary.velocity, shape, np.flatnonzero(group > 0), s)
     else:
         chosen = _choose(pieces, decision, support, summary.pairs, s)
@@ -283,17 +286,34 @@ def pair_costs(shot: Shot, ids: NDArray[np.int64], count: int, model: Model, s: 
     return Costs(np.where(known, total / safe, np.inf), np.where(known, tolerance / safe, 1.0), pairs)
 
 
-# ------------------------------------------------------------------ the affinity's rule
-def spectral_groups(affinity: Floats, area: Floats, s: settings.Groups) -> tuple[Labels, Floats]:
+# ------------------------------------------------------------------ other rules
+def kept_groups(support: Floats, s: settings.Groups) -> Labels:
+    """Every object a group of its own; with a given number of groups only the largest ones, the rest is static."""
+    order = np.argsort(-support, kind="stable")
+    most = len(order) if s.count == "auto" else s.count - 1
+    group = np.zeros(len(support), np.int64)
+    group[order[:most]] = np.arange(1, len(order) + 1)[:most]
+    return np.where(support > 0, group, 0)
+
+
+def _seen_block(affinity: Floats, area: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """The background and the objects that are seen, and their affinity, at most 1."""
+    ids = np.flatnonzero((area > 0) | (np.arange(len(area)) == 0))
+    block = affinity[np.ix_(ids, ids)]
+    return ids, block / max(float(block.max()), 1e-12)
+
+
+def _eigenvalues(affinity: Floats, area: Floats) -> Floats:
+    return spectral(_seen_block(affinity, area)[1], 1)[1]
+
+
+def spectral_groups(affinity: Floats, area: Floats, s: settings.Groups) -> Labels:
     """Row-normalised spectral clustering; the static group is the one that holds object 0.
 
     Without a given number of groups the one that explains the affinity best is taken, 1 = nothing moves.
     """
-    ids = np.flatnonzero((area > 0) | (np.arange(len(area)) == 0))
-    block, weight = affinity[np.ix_(ids, ids)], np.maximum(area[ids], 1.0)
-    block = block / max(float(block.max()), 1e-12)
-    if s.equal:
-        weight = np.ones_like(weight)
+    ids, block = _seen_block(affinity, area)
+    weight = np.ones(len(ids)) if s.equal else np.maximum(area[ids], 1.0)
     if s.count == "auto":
         counts = range(1, min(s.most_groups, len(ids)) + 1)
         tried = [(spectral(block, k, weight)[0], k) for k in counts]
@@ -302,7 +322,7 @@ def spectral_groups(affinity: Floats, area: Floats, s: settings.Groups) -> tuple
         label = spectral(block, min(s.count, len(ids)), weight)[0]
     group = np.zeros(len(area), np.int64)
     group[ids] = np.where(label == label[0], 0, label + 1)
-    return group, spectral(block, 1, weight)[1]
+    return group
 
 
 # ------------------------------------------------------------------ numbering

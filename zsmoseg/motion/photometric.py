@@ -48,7 +48,7 @@ def explained(
     Parameters
     ----------
     a, b : (h, w) smoothed grey values of both frames of the pair.
-    flow : (2, h, w) px.
+    flow : (2, h, w) px; NaN = unknown, which counts for nothing.
     world : (2, 6) as ``world_motion`` gives it.
     slot : (h, w) object of every pixel; the background and what is below 0 are left out.
     """
@@ -62,10 +62,10 @@ def explained(
         sum(c * m for c, m in zip(f, (one, x, y, x * x, x * y, y * y), strict=True))
         for f in world.astype(np.float32)
     ]
-    inside = slot[box] > 0
+    inside = (slot[box] > 0) & np.isfinite(flow[0][box]) & np.isfinite(flow[1][box])
     sums = [
         np.bincount(slot[box][inside], _unexplained(a[box], b, moved, box)[inside], count)
-        for moved in (np.stack(by_world), flow[:, *box])
+        for moved in (np.stack(by_world), np.nan_to_num(flow[:, *box]))
     ]
     return np.stack(sums, axis=1)
 

@@ -1,0 +1,304 @@
+"""Masks, flow and depth that users bring: what is taken from them, keys, and what bad files get."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import draw_clip, write_folder
+from runs import masks, segment
+
+from zsmoseg.errors import FormatError, SettingsError
+from zsmoseg.masks import encode_png
+from zsmoseg.settings import resolve
+from zsmoseg.workflows.cli import main
+from zsmoseg.workflows.result import Result, open_store
+from zsmoseg.workflows.run import Request, dry_run
+
+FRAMES = 8
+
+
+def result_of(report: Any, root: Path) -> Result:
+    (plan,) = report.plans
+    from zsmoseg.stores.location import Store
+
+    keys = {name: stage.key for name, stage in plan.stages.items()}
+    return Result(Store.open(root / "store", create=False), plan.name, plan.video, keys)
+
+
+@pytest.fixture(scope="module")
+def truth() -> np.ndarray:
+    """(T, H, W) the disc as id 7, and a still patch as id 3."""
+    disc = draw_clip(0, FRAMES)[1]
+    ids = np.where(disc, 7, 0).astype(np.uint8)
+    for t, image in enumerate(ids):
+        patch = image[80:110, 120 - 2 * t : 150 - 2 * t]
+        patch[patch == 0] = 3
+    return ids
+
+
+@pytest.fixture(scope="module")
+def brought(tmp_path_factory: pytest.TempPathFactory, truth: np.ndarray) -> Path:
+    """A clip and, beside it, masks, flow of DIS and a depth for it."""
+    root = tmp_path_factory.mktemp("brought")
+    write_folder(root / "disc", draw_clip(0, FRAMES)[0])
+    write_masks(root / "masks" / "disc", truth)
+    report, _ = segment(root / "disc", root / "own")
+    flow = result_of(report, root / "own").artifact("flow")
+    (root / "flow").mkdir()
+    both = {side: flow.read(side, 0, FRAMES - 1) for side in ("forward", "backward")}
+    np.savez(root / "flow" / "disc.npz", **both)
+    (root / "depth").mkdir()
+    ramp = np.tile(np.linspace(5.0, 1.0, 120)[:, None], (1, 160))
+    np.save(root / "depth" / "disc.npy", np.repeat(ramp[None], FRAMES, 0).astype(np.float32))
+    return root
+
+
+def write_masks(folder: Path, ids: np.ndarray, frames: range | None = None) -> Path:
+    folder.mkdir(parents=True)
+    for t in frames or range(len(ids)):
+        (folder / f"{t:05d}.png").write_bytes(encode_png(ids[t]))
+    return folder
+
+
+def test_imported_masks_become_motion_masks_and_nothing_embedded_is_computed(
+    brought: Path, truth: np.ndarray, tmp_path: Path
+) -> None:
+    report, counter = segment(brought / "disc", tmp_path, {"proposals.path": str(brought / "masks")})
+    assert not counter.stages & {"segments", "tables"}
+    found = masks(tmp_path / "out" / "disc")
+    np.testing.assert_array_equal(found > 0, truth == 7)
+    objects = result_of(report, tmp_path).objects
+    assert objects["object"].tolist() == [0, 3, 7], "object = id"
+    assert objects.set_index("object")["group"].to_dict() == {0: 0, 3: 0, 7: 1}
+
+
+def test_imported_flow_gives_the_bytes_that_the_same_flow_computed_here_gives(
+    brought: Path, tmp_path: Path
+) -> None:
+    _, counter = segment(brought / "disc", tmp_path, {"flow.path": str(brought / "flow")})
+    assert "flow" in counter.stages
+    np.testing.assert_array_equal(masks(tmp_path / "out" / "disc"), masks(brought / "own" / "out" / "disc"))
+
+
+def test_flow_of_one_direction_is_enough(brought: Path, truth: np.ndarray, tmp_path: Path) -> None:
+    with np.load(brought / "flow" / "disc.npz") as flow:
+        np.savez(tmp_path / "disc.npz", forward=flow["forward"])
+    settings = {"flow.path": str(tmp_path / "disc.npz"), "proposals.path": str(brought / "masks")}
+    segment(brought / "disc", tmp_path, settings)
+    np.testing.assert_array_equal(masks(tmp_path / "out" / "disc") > 0, truth == 7)
+
+
+def test_depth_that_is_larger_farther_is_the_inverse_of_depth_that_is_larger_nearer(
+    brought: Path, tmp_path: Path
+) -> None:
+    values = np.load(brought / "depth" / "disc.npy")
+    np.save(tmp_path / "disc.npy", 1 / values)
+    read = []
+    for kind, path in (("depth", brought / "depth"), ("inverse-depth", tmp_path / "disc.npy")):
+        settings = {"depth.path": str(path), "depth.kind": kind, "proposals.path": str(brought / "masks")}
+        report, _ = segment(brought / "disc", tmp_path / kind, settings)
+        read.append(result_of(report, tmp_path / kind).artifact("depth").read("inverse_depth", 0, FRAMES))
+        assert report.plans[0].stages["groups"].settings["motion"]["model"] == "screw-shift"
+    np.testing.assert_allclose(read[0].astype(float), read[1].astype(float), rtol=2e-3)
+    assert read[0][0, -1, 0] > 3 * read[0][0, 0, 0], "near is large"
+
+
+def test_masks_without_ids_are_linked_and_masks_of_some_frames_are_carried_between(
+    brought: Path, truth: np.ndarray, tmp_path: Path
+) -> None:
+    shuffled = truth.copy()
+    for t in range(1, FRAMES, 2):
+        shuffled[t] = np.select([truth[t] == 7, truth[t] == 3], [3, 7], 0)
+    write_masks(tmp_path / "shuffled", shuffled)
+    report, _ = segment(
+        brought / "disc",
+        tmp_path / "a",
+        {"proposals.path": str(tmp_path / "shuffled"), "proposals.kind": "masks"},
+    )
+    assert len(result_of(report, tmp_path / "a").objects) == 3
+    np.testing.assert_array_equal(masks(tmp_path / "a" / "out" / "disc") > 0, truth == 7)
+    write_masks(tmp_path / "some", truth, range(0, FRAMES, 3))
+    segment(brought / "disc", tmp_path / "b", {"proposals.path": str(tmp_path / "some")})
+    found = masks(tmp_path / "b" / "out" / "disc") > 0
+    np.testing.assert_array_equal(found[::3], (truth == 7)[::3])
+    for a, b in zip(found, truth == 7, strict=True):
+        assert (a & b).sum() > 0.9 * (a | b).sum()
+
+
+def test_chunk_length_changes_nothing_of_carried_masks(
+    brought: Path, truth: np.ndarray, tmp_path: Path
+) -> None:
+    write_masks(tmp_path / "some", truth, range(1, FRAMES, 4))
+    found = []
+    for length in (1, 3, 8):
+        settings = {"proposals.path": str(tmp_path / "some"), "chunk.length": length}
+        segment(brought / "disc", tmp_path / str(length), settings)
+        found.append(masks(tmp_path / str(length) / "out" / "disc", "objects"))
+    assert all((f == found[0]).all() for f in found)
+
+
+def test_one_command_from_masks_to_motion_masks_equals_import_and_run(
+    brought: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    common = [str(brought / "disc"), "--scheduler", "serial"]
+    cues = ["--proposals", str(brought / "masks"), "--depth", str(brought / "depth"), "--depth-is", "depth"]
+    assert main(["run", *common, *cues, "-o", str(tmp_path / "out1"), "--store", str(tmp_path / "one")]) == 0
+    two = ["--store", str(tmp_path / "two")]
+    assert main(["import", *common, *cues, *two]) == 0
+    told = capsys.readouterr().out
+    assert "masks on 8 of 8 frames" in told
+    assert "0 px hidden" in told
+    assert main(["run", *common, *two, "-o", str(tmp_path / "out2")]) == 0
+    np.testing.assert_array_equal(masks(tmp_path / "out1" / "disc"), masks(tmp_path / "out2" / "disc"))
+    assert open_store(tmp_path / "two")["disc"].keys == open_store(tmp_path / "one")["disc"].keys
+    assert (
+        main(["run", *common, *two, "--set", "proposals.source=embedded", "-o", str(tmp_path / "out3")]) == 0
+    )
+    assert "segments" in open_store(tmp_path / "two")["disc"].keys
+
+
+def test_the_content_of_the_files_is_in_the_key_and_their_place_is_not(
+    brought: Path, truth: np.ndarray, tmp_path: Path
+) -> None:
+    segment(brought / "disc", tmp_path, {"proposals.path": str(brought / "masks")})
+    other = write_masks(tmp_path / "elsewhere" / "disc", truth)
+    _, counter = segment(brought / "disc", tmp_path, {"proposals.path": str(other)})
+    assert not counter.stages
+    (other / "00003.png").write_bytes(encode_png(np.where(truth[3] == 7, 7, 0)))
+    _, counter = segment(brought / "disc", tmp_path, {"proposals.path": str(other)})
+    assert counter.stages >= {"proposals", "objects", "labels", "statistics", "groups", "masks"}
+    assert not counter.stages & {"frames", "flow"}
+
+
+def test_overlapping_detections_count_their_hidden_pixels(brought: Path, tmp_path: Path) -> None:
+    mask = np.zeros((2, 120, 160), bool)
+    mask[0, 20:60, 20:60] = mask[1, 40:80, 40:80] = True
+    packed = np.stack([np.packbits(m.ravel()) for m in mask])
+    np.savez(
+        tmp_path / "disc.npz",
+        frame=np.repeat(np.arange(FRAMES), 2),
+        score=np.tile([0.4, 0.9], FRAMES).astype(np.float32),
+        cls=np.zeros(2 * FRAMES, np.int64),
+        packed=np.tile(packed, (FRAMES, 1)),
+        size=np.array([120, 160]),
+    )
+    report, _ = segment(
+        brought / "disc", tmp_path, {"proposals.path": str(tmp_path / "disc.npz")}, until=["proposals"]
+    )
+    artifact = report.plans[0].stages["proposals"].artifact
+    assert artifact is not None
+    assert [artifact.part(i).facts["hidden"] for i in range(2)] == [1600, 1600]  # type: ignore[union-attr]
+    assert (artifact.read("mask", 0, 1)[0][45:55, 45:55] == 2).all(), "the higher score is on top"
+
+
+def test_a_cropped_range_uses_the_masks_of_its_frames(
+    brought: Path, truth: np.ndarray, tmp_path: Path
+) -> None:
+    settings = {"proposals.path": str(brought / "masks"), "video.start": "2f", "video.end": "7f"}
+    segment(brought / "disc", tmp_path, settings)
+    np.testing.assert_array_equal(masks(tmp_path / "out" / "disc") > 0, truth[2:7] == 7)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"proposals.kind": "masks", "proposals.link_overlap": 0.9}, "proposals.link_overlap: 0.3 -> 0.9"),
+        ({"proposals.kind": "masks", "proposals.link_gap": 1}, "proposals.link_gap: 3 -> 1"),
+        ({"proposals.kind": "masks"}, "proposals.kind: ids -> masks"),
+    ],
+)
+def test_every_setting_of_imports_changes_the_objects(
+    change: dict[str, Any], words: str, brought: Path, truth: np.ndarray, tmp_path: Path
+) -> None:
+    """The disc jumps, and is gone for three frames."""
+    ids = truth.copy()
+    ids[3:6][ids[3:6] == 7] = 0
+    ids[1] = np.where(truth[1] == 7, 0, truth[1])
+    ids[1][np.roll(truth[1] == 7, 8, axis=1)] = 7
+    path = write_masks(tmp_path / "ids", ids)
+    start = {"proposals.path": str(path), **({"proposals.kind": "masks"} if len(change) > 1 else {})}
+    before, _ = segment(brought / "disc", tmp_path, start)
+    settings = resolve(overrides={"chunk.length": 4, **start, **change})
+    assert words in "\n".join(
+        dry_run(Request([str(brought / "disc")], tmp_path / "out", tmp_path / "store", settings))
+    )
+    tables = result_of(before, tmp_path).artifact("objects").read_table(0)
+    after, counter = segment(brought / "disc", tmp_path, {**start, **change})
+    assert "objects" in counter.stages
+    now = result_of(after, tmp_path).artifact("objects").read_table(0)
+    assert tables["object"].tolist() != now["object"].tolist()
+
+
+# ------------------------------------------------------------------ what bad files get
+def bad(settings: dict[str, Any], brought: Path, root: Path) -> str:
+    with pytest.raises((FormatError, SettingsError)) as error:
+        segment(brought / "disc", root, settings)
+    assert not list((root / "store").glob("disc-*/*/*/parts/*")), "nothing is imported in part"
+    text = str(error.value)
+    assert "\n" not in text
+    return text
+
+
+def test_masks_of_other_size_other_names_or_of_nothing(
+    brought: Path, truth: np.ndarray, tmp_path: Path
+) -> None:
+    small = write_masks(tmp_path / "small", truth[:, :60])
+    assert "160 x 60" in bad({"proposals.path": str(small)}, brought, tmp_path / "a")
+    strange = write_masks(tmp_path / "strange", truth)
+    (strange / "00007.png").rename(strange / "00093.png")
+    assert "00093 belongs to no frame" in bad({"proposals.path": str(strange)}, brought, tmp_path / "b")
+    assert "no such file or folder" in bad(
+        {"proposals.path": str(tmp_path / "gone")}, brought, tmp_path / "c"
+    )
+    (tmp_path / "empty").mkdir()
+    assert "empty" in bad({"proposals.path": str(tmp_path / "empty")}, brought, tmp_path / "d")
+
+
+def test_a_damaged_mask_in_the_middle_is_named(brought: Path, truth: np.ndarray, tmp_path: Path) -> None:
+    folder = write_masks(tmp_path / "masks", truth)
+    (folder / "00005.png").write_bytes((folder / "00005.png").read_bytes()[:40])
+    assert "00005.png" in bad({"proposals.path": str(folder)}, brought, tmp_path / "a")
+
+
+def test_binary_masks_where_ids_are_expected(brought: Path, truth: np.ndarray, tmp_path: Path) -> None:
+    folder = write_masks(tmp_path / "masks", np.where(truth == 7, 255, 0).astype(np.uint8))
+    assert "0 and 255" in bad({"proposals.path": str(folder)}, brought, tmp_path / "a")
+
+
+def test_flow_of_other_size_with_nan_or_with_a_frame_missing(brought: Path, tmp_path: Path) -> None:
+    with np.load(brought / "flow" / "disc.npz") as flow:
+        forward = flow["forward"]
+    cases = {"size": forward[:, :, :60], "nan": forward.copy(), "missing": forward[:-2]}
+    cases["nan"][4, 0, 3, 3] = np.nan
+    words = {"size": "160 x 60", "nan": "4", "missing": "5"}
+    for name, values in cases.items():
+        np.savez(tmp_path / f"{name}.npz", forward=values)
+        text = bad({"flow.path": str(tmp_path / f"{name}.npz")}, brought, tmp_path / name)
+        assert words[name] in text
+        assert f"{name}.npz" in text
+
+
+def test_depth_without_the_word_that_says_which(brought: Path, tmp_path: Path) -> None:
+    assert "--depth-is" in bad({"depth.path": str(brought / "depth")}, brought, tmp_path / "a")
+
+
+def test_a_path_beside_a_source_that_does_without_it(brought: Path, tmp_path: Path) -> None:
+    settings = {"flow.path": str(brought / "flow"), "flow.source": "dis"}
+    assert "flow.source = dis" in bad(settings, brought, tmp_path / "a")
+    assert "nothing was imported" in bad({"proposals.source": "imported"}, brought, tmp_path / "b")
+    assert "every" in bad({"flow.path": str(brought / "flow"), "video.every": 2}, brought, tmp_path / "c")
+
+
+def test_json_that_is_not_coco(brought: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "disc.json").write_text(json.dumps({"answer": 42}))
+    arguments = ["import", str(brought / "disc"), "--store", str(tmp_path / "store"), "--scheduler", "serial"]
+    assert main([*arguments, "--proposals", str(tmp_path / "disc.json")]) == 2
+    error = capsys.readouterr().err
+    assert "neither COCO" in error
+    assert error.count("\n") == 1
+    assert main(arguments) == 2
+    assert "nothing to import" in capsys.readouterr().err

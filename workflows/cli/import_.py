@@ -1,0 +1,81 @@
+"""``zsmoseg import``: masks, flow or depth that exist already become cues of a store."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zsmoseg.workflows.cli.common import OUT, store_option, store_path
+from zsmoseg.workflows.cli.run import (
+    cue_options,
+    execution_options,
+    frame_options,
+    overrides,
+    setting_options,
+)
+
+if TYPE_CHECKING:
+    from zsmoseg.workflows.plan import VideoPlan
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``import``."""
+    parser.add_argument("sources", nargs="+", metavar="SOURCE", help="the videos, as for zsmoseg run")
+    store_option(parser)
+    cue_options(parser)
+    setting_options(parser)
+    frame_options(parser)
+    execution_options(parser)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Check all files, write the cues into the store, note them for the runs to come; 2 if a video failed.
+
+    Raises
+    ------
+    SettingsError
+        Nothing to import was named.
+    """
+    from zsmoseg.errors import SettingsError
+    from zsmoseg.settings import resolve
+    from zsmoseg.stores.location import Store
+    from zsmoseg.workflows.imports import KINDS, remember
+    from zsmoseg.workflows.progress import make_watcher
+    from zsmoseg.workflows.run import Request, run
+
+    settings = resolve(options.preset, options.config, overrides(options))
+    kinds = [kind for kind in KINDS if getattr(settings, kind).path]
+    if not kinds:
+        raise SettingsError("nothing to import; give --proposals, --flow or --depth with a path")
+    store = store_path(options.store)
+    request = Request(
+        options.sources, Path(OUT), store, settings, options.scheduler, options.workers, until=kinds
+    )
+    with make_watcher() as watcher:
+        report = run(request, watcher)
+    for plan in report.plans:
+        if plan.name not in report.failures:
+            remember(Store.open(store, create=True), plan.video, plan.brought)
+            for kind, brought in plan.brought.items():
+                print(f"{plan.name}: {kind} from {brought.path} ({brought.fingerprint}){_found(plan, kind)}")
+    if report.failures:
+        print(f"zsmoseg: {len(report.failures)} videos were not imported", file=sys.stderr)
+        return 2
+    print(f"zsmoseg run with --store {store} uses them; --set flow.source=dis (or the like) does without")
+    return 0
+
+
+def _found(plan: VideoPlan, kind: str) -> str:
+    """What came in, in words."""
+    artifact = plan.stages[kind].artifact
+    assert artifact is not None
+    if kind != "proposals":
+        return ""
+    records = [artifact.part(part) for part in range(len(artifact.parts))]
+    known = sum(int(artifact.read_table(part)["known"].sum()) for part in range(len(artifact.parts)))
+    hidden = sum(record.facts["hidden"] for record in records if record is not None)
+    frames = len(plan.probe.times)
+    rest = "" if known == frames else "; the frames between are filled along the flow"
+    return f": masks on {known} of {frames} frames{rest}; {hidden} px hidden below others"

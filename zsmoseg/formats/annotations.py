@@ -1,0 +1,78 @@
+"""What the JSON of COCO and of YouTube-VIS have in common: fields that must be there, names of videos."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from zsmoseg.errors import FormatError
+from zsmoseg.formats.arrays import DAMAGED, damaged
+
+Entry = dict[str, Any]
+
+
+def load_json(path: Path) -> Any:
+    """The content of a JSON file.
+
+    Raises
+    ------
+    FormatError
+        If it is no JSON.
+    """
+    try:
+        return json.loads(path.read_bytes())
+    except (*DAMAGED, RecursionError) as error:
+        raise damaged(path, error) from error
+
+
+def field(entry: Any, key: str, kind: type | tuple[type, ...], where: str) -> Any:
+    """``entry[key]``, which must be there and of a kind; else a ``FormatError`` that begins with ``where``."""
+    if not isinstance(entry, dict) or key not in entry:
+        raise FormatError(f"{where}: has no {key!r}; write the file as COCO or YouTube-VIS describe it")
+    value = entry[key]
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise FormatError(
+            f"{where}: {key!r} is {type(value).__name__}; write it as COCO or YouTube-VIS describe it"
+        )
+    return value
+
+
+def entries(content: Entry, key: str, path: Path) -> list[Entry]:
+    """A list of the file, its ids all different."""
+    found: list[Entry] = field(content, key, list, str(path))
+    twice = [
+        n for n, times in Counter(field(e, "id", int, f"{path}, {key}") for e in found).items() if times > 1
+    ]
+    if twice:
+        raise FormatError(f"{path}: two {key} have the id {twice[0]}; give each its own")
+    return found
+
+
+def choose_video(names: Sequence[str], video: str | None, path: Path) -> str:
+    """The one of ``names`` that is meant: the only one, or the one called like the video.
+
+    Raises
+    ------
+    FormatError
+        If there is none, or several could be meant.
+    """
+    if len(names) == 1:
+        return names[0]
+    fit = [name for name in names if video is not None and video in (name, name.replace("/", "-"))]
+    if len(fit) != 1:
+        shown = ", ".join(sorted(names)[:5]) + (", ..." if len(names) > 5 else "")
+        raise FormatError(
+            f"{path}: holds {len(names)} videos ({shown}), none of them called {video}; name the video like one of them"
+        )
+    return fit[0]
+
+
+def size_of(entry: Entry, where: str) -> tuple[int, int]:
+    """(H, W) of an image or video."""
+    height, width = (int(field(entry, key, int, where)) for key in ("height", "width"))
+    if min(height, width) < 1:
+        raise FormatError(f"{where}: is {height} x {width}; write the size of the images")
+    return height, width

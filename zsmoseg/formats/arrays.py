@@ -1,0 +1,111 @@
+"""Arrays in .npy and .npz files, a row at a time: a whole video never has to fit in memory."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.lib import format as npy
+
+from zsmoseg.errors import FormatError
+
+Array = np.ndarray[Any, Any]
+DAMAGED = (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, SyntaxError)
+"""What numpy, zipfile and Pillow raise for a file that is not what its name says."""
+
+
+def damaged(path: Path, error: Exception) -> FormatError:
+    """The error for a file that cannot be read."""
+    return FormatError(f"{path}: cannot be read ({str(error) or type(error).__name__}); make the file anew")
+
+
+def keys(path: Path) -> list[str]:
+    """Names of the arrays of an .npz."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return [name.removesuffix(".npy") for name in archive.namelist()]
+    except DAMAGED as error:
+        raise damaged(path, error) from error
+
+
+def load(path: Path) -> dict[str, Array]:
+    """The arrays of an .npz, or that of an .npy under the name ``""``; objects are refused.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged.
+    """
+    try:
+        found = np.load(path, allow_pickle=False)
+        if isinstance(found, np.ndarray):
+            return {"": found}
+        with found:
+            return {key: found[key] for key in found.files}
+    except DAMAGED as error:
+        raise damaged(path, error) from error
+
+
+class Rows:
+    """A (T, ...) array in an .npy, or under ``key`` in an .npz.
+
+    Attributes
+    ----------
+    shape, dtype
+        Of the array, read from its head.
+    """
+
+    def __init__(self, path: Path, key: str = "") -> None:
+        self.path, self.key = path, key
+        try:
+            if path.suffix.lower() == ".npy":
+                self._array: Array | None = np.load(path, mmap_mode="r", allow_pickle=False)
+                self.shape, self.dtype = self._array.shape, self._array.dtype
+            else:
+                self._array = None
+                self._open()
+        except DAMAGED as error:
+            raise damaged(path, error) from error
+
+    def _open(self) -> None:
+        self._stream: IO[bytes] = zipfile.ZipFile(self.path).open(f"{self.key}.npy")  # noqa: SIM115 (kept open)
+        version = npy.read_magic(self._stream)
+        head = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+        self.shape, fortran, self.dtype = head(self._stream)
+        self._begin = self._stream.tell()
+        if fortran or self.dtype.hasobject:
+            self._array = load(self.path)[self.key]
+
+    def read(self, index: int) -> Array:
+        """One row; in order is fastest, as what is compressed is read from the front."""
+        try:
+            return np.array(self._array[index]) if self._array is not None else self._next(index)
+        except DAMAGED as error:
+            raise damaged(self.path, error) from error
+
+    def _next(self, index: int) -> Array:
+        count = int(np.prod(self.shape[1:]))
+        place = self._begin + index * count * self.dtype.itemsize
+        if self._stream.tell() != place:  # a seek that leads nowhere would still switch the checksum off
+            self._stream.seek(place)
+        content = self._stream.read(count * self.dtype.itemsize)
+        return np.frombuffer(content, self.dtype, count).reshape(self.shape[1:])
+
+
+def write_volume(path: Path, key: str, rows: Any, shape: tuple[int, ...], dtype: str) -> None:
+    """Write an .npz with one array, a row at a time, the same bytes each time.
+
+    Parameters
+    ----------
+    rows : iterable of (H, W) arrays, one for each of ``shape[0]``.
+    """
+    entry = zipfile.ZipInfo(f"{key}.npy")
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    head = {"descr": npy.dtype_to_descr(np.dtype(dtype)), "fortran_order": False, "shape": shape}
+    with zipfile.ZipFile(path, "w") as archive, archive.open(entry, "w", force_zip64=True) as stream:
+        npy.write_array_header_1_0(stream, head)
+        for row in rows:
+            stream.write(np.ascontiguousarray(row, dtype).tobytes())

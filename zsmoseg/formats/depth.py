@@ -1,0 +1,173 @@
+"""Depth, or inverse depth, of one video: png, .npy, .npz, .exr; a file a frame, or one for all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.errors import FormatError
+from zsmoseg.formats.arrays import Array, Rows, keys, load
+from zsmoseg.formats.indexed import read_numbers
+from zsmoseg.formats.layers import index_of, text
+from zsmoseg.formats.names import frame_files
+
+Map = NDArray[np.float32]
+HIGHEST = 65535
+"""Of 16 bits."""
+
+
+class DepthSource:
+    """The depth maps of one video.
+
+    Parameters
+    ----------
+    path
+        What errors begin with.
+    frames
+        Names of the frames; None where the file knows only their order.
+    count
+        Number of maps.
+    reader
+        A function from the index of a map to the map and where it stands.
+    """
+
+    def __init__(
+        self, path: Path, frames: list[str] | None, count: int, reader: Callable[[int], tuple[Map, str]]
+    ) -> None:
+        self.path, self.frames, self.count, self._reader = path, frames, count, reader
+        self._size: tuple[int, ...] | None = None
+
+    def read(self, entry: int | str) -> Map:
+        """(H, W) float32 as stored.
+
+        Raises
+        ------
+        FormatError
+            If the file is damaged, no map of numbers, of another size than the first, or says nothing.
+        """
+        index = entry if isinstance(entry, int) else index_of(self.frames, entry, self.path)
+        if self._size is None and index > 0:
+            self._size = self._reader(0)[0].shape
+        depth, where = self._reader(index)
+        self._size = self._size or depth.shape
+        if depth.shape != self._size:
+            raise FormatError(
+                f"{where}: is {text(depth.shape)}, the first {text(self._size)}; give all in one size"
+            )
+        return depth
+
+
+def open_depth(path: str | Path) -> DepthSource:
+    """Open the depth of one video.
+
+    Parameters
+    ----------
+    path
+        A folder with a grey .png (16 bits; 8 are read too), .npy, .npz or .exr (H, W) for every frame; or one .npy or
+        .npz (frames, H, W).
+
+    Raises
+    ------
+    FormatError
+        If it is none of these.
+    """
+    path = Path(path)
+    if path.is_dir():
+        files = frame_files(path, READERS)
+        if not files:
+            raise FormatError(f"{path}: holds no depth; give {', '.join(READERS)} named like the frames")
+        return DepthSource(
+            path, [f.stem for f in files], len(files), lambda i: (read_depth(files[i]), str(files[i]))
+        )
+    if not path.is_file() or path.suffix.lower() not in (".npy", ".npz"):
+        raise FormatError(f"{path}: is no depth; give a folder of {', '.join(READERS)}, or one .npy or .npz")
+    rows = Rows(path, _only_key(path))
+    if len(rows.shape) != 3:
+        raise FormatError(f"{path}: is {text(rows.shape)}; the depth of a video is (frames, y, x)")
+
+    def read(index: int) -> tuple[Map, str]:
+        where = f"{path}, frame {index}"
+        return as_depth(rows.read(index), where), where
+
+    return DepthSource(path, None, rows.shape[0], read)
+
+
+def _only_key(path: Path) -> str:
+    names = [""] if path.suffix.lower() == ".npy" else keys(path)
+    if len(names) != 1:
+        raise FormatError(f"{path}: holds {', '.join(names) or 'nothing'}; expected one array")
+    return names[0]
+
+
+def read_depth(path: Path) -> Map:
+    """One file of depth, (H, W).
+
+    Raises
+    ------
+    FormatError
+        If it cannot be used.
+    """
+    return as_depth(READERS[path.suffix.lower()](path), str(path))
+
+
+def _read_array(path: Path) -> Array:
+    return load(path)[_only_key(path)]
+
+
+def _read_exr(path: Path) -> Array:
+    try:
+        found = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        found = None
+    if found is None:
+        raise FormatError(
+            f"{path}: OpenCV cannot read it (damaged, or built without OpenEXR, or OPENCV_IO_ENABLE_OPENEXR=1 is not "
+            "set); convert it to .npy"
+        )
+    alike = found.ndim == 3 and all(np.array_equal(found[..., 0], c, True) for c in np.moveaxis(found, 2, 0))
+    return np.asarray(found[..., 0] if alike else found)
+
+
+READERS: dict[str, Callable[[Path], Array]] = {
+    ".png": read_numbers,
+    ".npy": _read_array,
+    ".npz": _read_array,
+    ".exr": _read_exr,
+}
+
+
+def as_depth(values: Array, where: str) -> Map:
+    """A map (H, W) as float32; ``where`` begins the errors."""
+    if values.ndim != 2 or not values.size or values.dtype.kind not in "uif":
+        raise FormatError(
+            f"{where}: is {text(values.shape)} {values.dtype}; depth is one number a pixel, (y, x)"
+        )
+    if not np.isfinite(values).any():
+        raise FormatError(f"{where}: holds no finite number; leave the file out or make it anew")
+    return values.astype(np.float32)
+
+
+def inverse_depth(values: NDArray[Any], kind: Literal["depth", "inverse-depth"]) -> Map:
+    """Relative inverse depth (H, W), near is large; NaN where unknown.
+
+    Parameters
+    ----------
+    values : (H, W) as stored.
+    kind : ``depth``: far is large; 0, less and NaN are unknown, infinitely far is 0. ``inverse-depth``: near is large;
+        NaN and infinity are unknown.
+    """
+    given = np.asarray(values, np.float32)
+    if kind == "inverse-depth":
+        return np.where(np.isfinite(given), given, np.float32(np.nan))
+    return np.divide(1, given, out=np.full_like(given, np.nan), where=given > 0)
+
+
+def encode_depth(inverse: NDArray[Any], largest: float) -> bytes:
+    """A 16-bit png of relative inverse depth (H, W): ``largest`` becomes 65535; unknown and less than 0 become 0."""
+    scaled = np.nan_to_num(inverse, nan=0.0) * (HIGHEST / largest if largest > 0 else 0.0)
+    return cv2.imencode(".png", np.rint(np.clip(scaled, 0, HIGHEST)).astype(np.uint16))[1].tobytes()

@@ -1,0 +1,43 @@
+"""Masks as MOTS text: one line an object and frame, ``frame id class height width rle``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.errors import FormatError
+from zsmoseg.formats import rle
+
+CLASS = 1
+"""Of every object: which it is is not known."""
+
+PER_CLASS = 1000
+"""An id is 1000 times its class plus the number of the object."""
+
+
+def encode_mots(labels: Iterable[NDArray[Any]]) -> bytes:
+    """MOTS text of one video; frames count from 0.
+
+    Parameters
+    ----------
+    labels : (H, W) ids of every frame, 0 = none.
+
+    Raises
+    ------
+    FormatError
+        If there are more objects than the format can number.
+    """
+    lines = []
+    for t, label in enumerate(labels):
+        for n in np.unique(label[label > 0]).tolist():
+            if n >= PER_CLASS:
+                raise FormatError(
+                    f"frame {t}: object {n}: MOTS text numbers at most {PER_CLASS - 1}; use another format"
+                )
+            mask = rle.encode(label == n)
+            height, width = mask["size"]
+            lines.append(f"{t} {CLASS * PER_CLASS + n} {CLASS} {height} {width} {mask['counts']}\n")
+    return "".join(lines).encode()

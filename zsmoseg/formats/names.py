@@ -1,0 +1,148 @@
+"""Which file belongs to which video, which entry to which frame; names that must stay in their folder."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePosixPath
+
+from zsmoseg.errors import FormatError
+from zsmoseg.sources import natural
+
+WHOLE = (".npz", ".npy", ".json")
+"""Endings of files that hold a whole video."""
+
+FRAME = (".png", ".flo", ".npy", ".npz", ".exr")
+"""Endings of files that hold one frame."""
+
+SIDES = ("forward", "backward")
+"""Folders of flow."""
+
+
+def find_for_video(path: str | Path, video: str) -> Path:
+    """The folder or file of one video.
+
+    Parameters
+    ----------
+    path
+        A file; or a folder that holds one folder or file (npz, npy, json) for each video, or is that of the video.
+    video
+        The video's name in the store.
+
+    Raises
+    ------
+    FormatError
+        If there is none, or two; it says what was looked for.
+    """
+    path, name = Path(path), str(inside(video, "the name of the video"))
+    if path.is_file():
+        return path
+    if not path.is_dir():
+        raise FormatError(f"{path}: no such file or folder")
+    looked_for = [path / name, *(path / f"{name}{end}" for end in WHOLE)]
+    found = [p for p in looked_for if p.exists()]
+    if len(found) > 1:
+        raise FormatError(f"{path}: holds {found[0].name} and {found[1].name}; name the one that is meant")
+    if found:
+        return found[0]
+    if any(p.suffix.lower() in FRAME or (p.is_dir() and p.name in SIDES) for p in path.iterdir()):
+        return path
+    names = ", ".join(p.name for p in looked_for)
+    raise FormatError(
+        f"{path}: holds no {names}, and no files of frames itself; name the folder or file like the video"
+    )
+
+
+def frame_files(folder: Path, endings: Iterable[str] = FRAME) -> list[Path]:
+    """The files of frames in a folder, in natural order.
+
+    Raises
+    ------
+    FormatError
+        If there are several endings: one frame would have two files.
+    """
+    files = [p for p in folder.iterdir() if p.suffix.lower() in endings and not p.name.startswith(".")]
+    found = sorted({p.suffix.lower() for p in files})
+    if len(found) > 1:
+        raise FormatError(f"{folder}: holds files of several kinds ({', '.join(found)}); keep those of one")
+    return sorted(files, key=lambda p: natural(p.name))
+
+
+def inside(name: str, where: str) -> PurePosixPath:
+    """A relative path that stays in its folder; else a ``FormatError`` that begins with ``where``."""
+    path = PurePosixPath(name.replace("\\", "/"))
+    if not path.parts or path.is_absolute() or ".." in path.parts or re.match(r"[A-Za-z]:", name):
+        raise FormatError(f"{where}: the name {name!r} leaves the folder; use a relative one without '..'")
+    return path
+
+
+def match_frames(
+    entries: Sequence[str] | range | int, names: Sequence[str], where: str | Path = "the source"
+) -> list[int | None]:
+    """Which entry of a source belongs to each frame of a video.
+
+    Parameters
+    ----------
+    entries
+        Names of the entries: the frame of the same name, else the one whose name ends in the same integer
+        (``00012`` and ``frame12``). Without names: their number, which must be that of the frames, or the
+        range of the frames that they are.
+    names
+        Of the frames of the video (of flow: all but the last).
+    where
+        What an error begins with.
+
+    Returns
+    -------
+    For each frame the index of its entry, None where it has none.
+
+    Raises
+    ------
+    FormatError
+        If an entry belongs to no frame, or two to one.
+
+    Examples
+    --------
+    >>> match_frames(["frame2", "frame1"], ["00001", "00002", "00003"])
+    [1, 0, None]
+    """
+    if isinstance(entries, int):
+        if entries != len(names):
+            raise FormatError(
+                f"{where}: holds {entries} entries without names for {len(names)} frames; give one for each"
+            )
+        return list(range(entries))
+    if isinstance(entries, range):
+        if entries and entries[-1] >= len(names):
+            raise FormatError(
+                f"{where}: frame {entries[-1]} is beyond the last of the video ({len(names)} frames)"
+            )
+        return [entries.index(t) if t in entries else None for t in range(len(names))]
+    return _match_names(entries, names, where)
+
+
+def _match_names(entries: Sequence[str], names: Sequence[str], where: str | Path) -> list[int | None]:
+    exact = {name: t for t, name in enumerate(names)}
+    numbers = [last_integer(name) for name in names]
+    numbered = {n: t for t, n in enumerate(numbers) if n is not None and numbers.count(n) == 1}
+    out: list[int | None] = [None] * len(names)
+    for i, entry in enumerate(entries):
+        number = last_integer(entry)
+        t = exact.get(entry, None if number is None else numbered.get(number))
+        if t is None:
+            raise FormatError(
+                f"{where}: {entry} belongs to no frame of the video ({names[0]} to {names[-1]}); rename or remove it"
+            )
+        other = out[t]
+        if other is not None:
+            raise FormatError(
+                f"{where}: {entries[other]} and {entry} both belong to frame {names[t]}; keep one"
+            )
+        out[t] = i
+    return out
+
+
+def last_integer(name: str) -> int | None:
+    """The last run of digits in a name: ``goat_480p_00012`` is 12."""
+    digits = re.findall(r"\d+", name)
+    return int(digits[-1]) if digits else None

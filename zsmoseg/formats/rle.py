@@ -1,0 +1,84 @@
+"""Run lengths as COCO has them, through pycocotools."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pycocotools import mask as coco
+
+from zsmoseg.errors import FormatError
+
+
+def encode(mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """``size`` and ``counts`` (a string) of a mask (H, W), ready for JSON."""
+    found = coco.encode(np.asfortranarray(mask, np.uint8))
+    return {"size": list(map(int, found["size"])), "counts": found["counts"].decode("ascii")}
+
+
+def area(rle: dict[str, Any]) -> int:
+    """Pixels of a mask."""
+    return int(coco.area(rle))
+
+
+def box(rle: dict[str, Any]) -> list[float]:
+    """x, y, width, height of a mask."""
+    return [float(value) for value in coco.toBbox(rle)]
+
+
+def decode(segmentation: Any, size: tuple[int, int], where: str) -> NDArray[np.bool_]:
+    """A mask (H, W) from run lengths (compressed or not) or a list of polygons.
+
+    Parameters
+    ----------
+    segmentation : as in the JSON.
+    size : (H, W) of the image.
+    where : begins the errors.
+
+    Raises
+    ------
+    FormatError
+        If it is neither, damaged, or of another size.
+    """
+    if isinstance(segmentation, dict) and {"size", "counts"} <= segmentation.keys():
+        if segmentation["size"] != list(size):
+            raise FormatError(
+                f"{where}: the run lengths are of {segmentation['size']}, the image is {list(size)}; encode the masks "
+                "in its size"
+            )
+    elif not isinstance(segmentation, list) or not segmentation:
+        raise FormatError(f"{where}: the segmentation is neither run lengths nor polygons")
+    try:
+        return _decode(segmentation, size)
+    except Exception as error:  # pycocotools raises plain ones too
+        raise FormatError(f"{where}: the segmentation is damaged ({error}); write the file anew") from error
+
+
+def _decode(segmentation: Any, size: tuple[int, int]) -> NDArray[np.bool_]:
+    if isinstance(segmentation, list):
+        polygons = [np.asarray(p, float).ravel().tolist() for p in segmentation]
+        segmentation = coco.merge(coco.frPyObjects(polygons, *size))
+    counts = segmentation["counts"]
+    runs = counts if isinstance(counts, list) else run_lengths(counts)
+    if sum(runs) != size[0] * size[1] or min(runs) < 0:
+        raise ValueError(f"the runs make {sum(runs)} of {size[0] * size[1]} pixels")
+    return np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(size[::-1]).T
+
+
+def run_lengths(counts: str | bytes) -> list[int]:
+    """The runs of a compressed string: five bits a character, and from the third run on the difference to the last
+    but one (``rleFrString`` of pycocotools, whose own decoder fills a string cut short with whatever is in memory).
+    """
+    characters = counts.encode("ascii") if isinstance(counts, str) else counts
+    runs: list[int] = []
+    value = shift = 0
+    for character in characters:
+        bits = character - 48
+        value |= (bits & 0x1F) << shift
+        shift += 5
+        if not bits & 0x20:
+            value -= (bits & 0x10) and 1 << shift
+            runs.append(value + (runs[-2] if len(runs) > 2 else 0))
+            value = shift = 0
+    return runs

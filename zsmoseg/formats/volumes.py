@@ -1,0 +1,106 @@
+"""Masks in .npz files: a volume of ids, detections of single frames, proposals of one frame a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.errors import FormatError
+from zsmoseg.formats.arrays import Rows, keys, load
+from zsmoseg.formats.layers import FrameMasks, MaskSource, as_ids, refuse_binary, stack, text
+
+PREFIX = "proposals_"
+"""Of files with the proposals of one frame."""
+
+
+class IdVolume(MaskSource):
+    """One array (T, H, W) of ids: the only one of an .npz, or an .npy."""
+
+    def __init__(self, path: Path) -> None:
+        names = keys(path) if path.suffix.lower() == ".npz" else [""]
+        if len(names) != 1:
+            raise FormatError(
+                f"{path}: holds {', '.join(names) or 'nothing'}; expected one array (frame, y, x) of ids, or "
+                "frame, score, packed and size of detections"
+            )
+        self._rows = Rows(path, names[0])
+        shape = self._rows.shape
+        if len(shape) != 3 or 0 in shape:
+            raise FormatError(f"{path}: the array is {text(shape)}; ids are (frame, y, x)")
+        super().__init__(path, None, shape[0], (shape[1], shape[2]), ids=True)
+        refuse_binary((self._where(t), self._read(t).label) for t in range(self.count))
+
+    def _where(self, index: int) -> str:
+        return f"{self.path}, frame {index}"
+
+    def _read(self, index: int) -> FrameMasks:
+        return FrameMasks(as_ids(self._rows.read(index), self.size, self._where(index)))
+
+
+class Detections(MaskSource):
+    """Masks with scores of all frames of a video in one .npz: ``frame``, ``score``, ``packed``, ``size``."""
+
+    KEYS = frozenset({"frame", "score", "packed", "size"})
+
+    def __init__(self, path: Path) -> None:
+        found = load(path)
+        self._frame, self._score, self._packed = found["frame"], found["score"], found["packed"]
+        if len({len(self._frame), len(self._score), len(self._packed)}) != 1 or found["size"].shape != (2,):
+            raise FormatError(f"{path}: frame, score and packed must have one entry for each mask, size two")
+        if self._frame.dtype.kind not in "ui" or int(self._frame.min(initial=0)) < 0:
+            raise FormatError(f"{path}: frame must hold the indices of frames, counted from 0")
+        height, width = map(int, found["size"])
+        super().__init__(path, None, int(self._frame.max(initial=-1)) + 1, (height, width), ids=False)
+
+    @property
+    def entries(self) -> range:
+        """After the last frame with a detection there may be others."""
+        return range(self.count)
+
+    def _read(self, index: int) -> FrameMasks:
+        own = np.flatnonzero(self._frame == index)
+        masks = unpack(self._packed[own], self.size, f"{self.path}, frame {index}")
+        return stack(list(masks), self.size, scores=self._score[own].tolist())
+
+
+class ProposalFolder(MaskSource):
+    """Files ``proposals_<frame>.npz``: ``packed``, ``shape`` (masks, H, W) and, if known, ``score``."""
+
+    def __init__(self, folder: Path, files: list[Path]) -> None:
+        size = self._load(files[0])[1]
+        super().__init__(folder, [f.stem.removeprefix(PREFIX) for f in files], len(files), size, ids=False)
+        self._files = files
+
+    @staticmethod
+    def _load(file: Path) -> tuple[dict[str, NDArray[Any]], tuple[int, int]]:
+        found = load(file)
+        if not {"packed", "shape"} <= found.keys() or found["shape"].shape != (3,):
+            raise FormatError(
+                f"{file}: holds {', '.join(found)}; expected packed, shape (masks, H, W) and score"
+            )
+        return found, (int(found["shape"][1]), int(found["shape"][2]))
+
+    def _read(self, index: int) -> FrameMasks:
+        file = self._files[index]
+        found, size = self._load(file)
+        if size != self.size:
+            raise FormatError(
+                f"{file}: is {text(size)}, {self._files[0].name} {text(self.size)}; give all in one size"
+            )
+        masks, score = unpack(found["packed"], size, str(file)), found.get("score")
+        if score is not None and score.shape != (len(masks),):
+            raise FormatError(f"{file}: has {len(masks)} masks and {score.size} scores; give one for each")
+        return stack(list(masks), size, scores=None if score is None else score.tolist())
+
+
+def unpack(packed: NDArray[Any], size: tuple[int, int], where: str) -> NDArray[np.bool_]:
+    """Masks (K, H, W) from rows of ``numpy.packbits``; ``where`` begins the error."""
+    count = size[0] * size[1]
+    if packed.ndim != 2 or packed.dtype != np.uint8 or packed.shape[1] != (count + 7) // 8:
+        raise FormatError(
+            f"{where}: rows of {packed.shape[-1]} bytes cannot be masks of {text(size)}; pack each mask by itself"
+        )
+    return np.unpackbits(packed, axis=1, count=count).reshape(-1, *size).astype(bool)

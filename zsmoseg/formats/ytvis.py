@@ -1,0 +1,100 @@
+"""Tracks as YouTube-VIS JSON: videos, and annotations with one segmentation a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.errors import FormatError
+from zsmoseg.formats import rle
+from zsmoseg.formats.annotations import Entry, choose_video, entries, field, size_of
+from zsmoseg.formats.coco import CATEGORIES, dump
+from zsmoseg.formats.layers import FrameMasks, MaskSource, stack
+from zsmoseg.formats.names import inside
+
+
+class Tracks(MaskSource):
+    """The tracks of one video, numbered 1.. in order of their ids."""
+
+    def __init__(self, path: Path, content: Entry, video: str | None) -> None:
+        by_name = {_name(v, path): v for v in entries(content, "videos", path)}
+        if not by_name:
+            raise FormatError(f"{path}: holds no videos; export it with its videos")
+        name = choose_video(list(by_name), video, path)
+        chosen, where = by_name[name], f"{path}, video {name}"
+        files = field(chosen, "file_names", list, where)
+        frames = [inside(str(file), where).stem for file in files]
+        super().__init__(path, frames, len(frames), size_of(chosen, where), ids=True)
+        found = [
+            a
+            for a in entries(content, "annotations", path)
+            if field(a, "video_id", int, f"{path}, annotation {a['id']}") == chosen["id"]
+        ]
+        self._tracks = sorted(found, key=lambda a: int(a["id"]))
+        self._scored = bool(found) and all("score" in a for a in found)
+        for track in self._tracks:
+            which = f"{where}, annotation {track['id']}"
+            length = len(field(track, "segmentations", list, which))
+            if length != len(frames):
+                raise FormatError(
+                    f"{which}: has {length} segmentations for {len(frames)} frames; give null where none"
+                )
+
+    def _read(self, index: int) -> FrameMasks:
+        assert self.frames is not None
+        where = f"{self.path}, {self.frames[index]}"
+        seen = [(n, t) for n, t in enumerate(self._tracks, 1) if t["segmentations"][index] is not None]
+        masks = [
+            rle.decode(t["segmentations"][index], self.size, f"{where}, annotation {t['id']}")
+            for _, t in seen
+        ]
+        scores = [float(field(t, "score", (int, float), where)) for _, t in seen] if self._scored else None
+        return stack(masks, self.size, [n for n, _ in seen], scores)
+
+
+def _name(video: Entry, path: Path) -> str:
+    """What a video is called: ``name``, else the folder of its files."""
+    where = f"{path}, video {video['id']}"
+    if "name" in video:
+        return inside(field(video, "name", str, where), where).as_posix()
+    files = field(video, "file_names", list, where)
+    if not files:
+        raise FormatError(f"{where}: has no file_names; list its frames")
+    return inside(str(files[0]), where).parent.as_posix()
+
+
+def encode_ytvis(
+    video: str, names: Sequence[str], labels: Iterable[NDArray[Any]], size: tuple[int, int]
+) -> bytes:
+    """YouTube-VIS JSON of one video; an id becomes the id of its annotation.
+
+    Parameters
+    ----------
+    names : file name of every frame.
+    labels : (H, W) ids of every frame, 0 = none.
+    size : (H, W).
+    """
+    tracks: dict[int, list[Entry | None]] = {}
+    for t, label in enumerate(labels):
+        for n in np.unique(label[label > 0]).tolist():
+            tracks.setdefault(n, [None] * len(names))[t] = rle.encode(label == n)
+    shape = {"height": size[0], "width": size[1], "length": len(names)}
+    annotations = [
+        {
+            "id": n,
+            "video_id": 1,
+            "category_id": 1,
+            "iscrowd": 0,
+            **shape,
+            "segmentations": masks,
+            "bboxes": [mask and rle.box(mask) for mask in masks],
+            "areas": [mask and rle.area(mask) for mask in masks],
+        }
+        for n, masks in sorted(tracks.items())
+    ]
+    about = {"id": 1, "name": video, "file_names": list(names), **shape}
+    return dump({"videos": [about], "annotations": annotations, "categories": CATEGORIES})
