@@ -91,7 +91,7 @@ def verdict(table: np.ndarray) -> tuple[bool, list[float], list[int]]:
     share = [float(row[1:].sum() / row.sum()) for row in table[1:]]
     group = [int(row[1:].argmax()) + 1 if row[1:].any() else 0 for row in table[1:]]
     covered = [row[g] / row.sum() >= COVERED for row, g in zip(table[1:], group, strict=True)]
-    return all(covered) and group[0] != group[1], share, group
+    return all(covered) and group[0] != group[1] and 0 not in group, share, group
 
 
 def main() -> None:

@@ -131,7 +131,7 @@ def fingerprint(store: Store, path: Path) -> str:
 
 
 # ------------------------------------------------------------------ what is in the files
-def masks_of(s: sections.Proposals, probe: Probe, start: int, stop: int) -> list[FrameMasks | None]:
+def masks_of(s: sections.Proposals, probe: Probe, start: int, stop: int) -> Iterator[FrameMasks | None]:
     """The masks of the frames ``start`` to ``stop - 1``, at the displayed size; None where a frame has none.
 
     Raises
@@ -140,13 +140,11 @@ def masks_of(s: sections.Proposals, probe: Probe, start: int, stop: int) -> list
         A file that cannot be used: unreadable, of other size, of other names.
     """
     source = open_masks(Path(s.path), title(probe.source))
-    found = []
     for name, place in list(zip(probe.names, _places(source, s.path, probe), strict=True))[start:stop]:
         masks = None if place is None else source.read(place)
         if masks is not None and masks.label.shape != (probe.height, probe.width):
             raise FormatError(_other_size(f"{s.path}: the masks of frame {name}", masks.label.shape, probe))
-        found.append(masks)
-    return found
+        yield masks
 
 
 def flow_of(
@@ -211,8 +209,7 @@ def check(kind: str, section: Any, probe: Probe, grid: tuple[int, int]) -> None:
     """
     frames = len(probe.times)
     if kind == "proposals":
-        found = [masks_of(section, probe, t, t + 1)[0] is not None for t in range(frames)]
-        if not any(found):
+        if not [masks for masks in masks_of(section, probe, 0, frames) if masks is not None]:
             raise FormatError(
                 f"{section.path}: has masks for none of the {frames} frames; names must be those of the frames"
             )
@@ -235,6 +232,8 @@ def _places(source: MaskSource | FlowSource | DepthSource, path: str, probe: Pro
     if isinstance(entries, int) and not (part and entries > probe.indices[-2]):
         short = isinstance(source, FlowSource) and entries == frames - 1
         return [*match_frames(entries, probe.names[: frames - short], path), *[None] * short]
+    if isinstance(entries, range) and not part:
+        return match_frames(entries, probe.names, path)
     if isinstance(entries, int | range):
         numbers = range(entries) if isinstance(entries, int) else entries
         return [numbers.index(i) if i in numbers else None for i in probe.indices or range(frames)]

@@ -21,7 +21,7 @@ def arrays(probe: Probe, settings: SimpleNamespace) -> list[ArraySpec]:
 
 def task(task: Task) -> Left:
     """The masks of one chunk; ``known`` (frame): whether there are any; the ``number`` of each, ``offset`` by frame."""
-    found = masks_of(task.settings.proposals, task.probe, task.start, task.stop)
+    found = list(masks_of(task.settings.proposals, task.probe, task.start, task.stop))
     empty = np.zeros((task.probe.height, task.probe.width), np.uint16)
     labels = np.stack([empty if f is None else f.label for f in found])
     numbers = [np.unique(label[label > 0]).astype(np.int64) for label in labels]

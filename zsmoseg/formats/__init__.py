@@ -1,4 +1,4 @@
-"""One file a format or family: bytes to arrays and back; ``open_masks``, ``open_flow``, ``open_depth`` find which."""
+"""One file a format or family: bytes to arrays and back; the ``open_`` functions find which."""
 
 from zsmoseg.formats.depth import inverse_depth, open_depth
 from zsmoseg.formats.flow import open_flow

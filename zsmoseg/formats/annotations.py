@@ -29,7 +29,7 @@ def load_json(path: Path) -> Any:
 
 
 def field(entry: Any, key: str, kind: type | tuple[type, ...], where: str) -> Any:
-    """``entry[key]``, which must be there and of a kind; else a ``FormatError`` that begins with ``where``."""
+    """``entry[key]``, there and of a kind; else a ``FormatError`` that begins with ``where``."""
     if not isinstance(entry, dict) or key not in entry:
         raise FormatError(f"{where}: has no {key!r}; write the file as COCO or YouTube-VIS describe it")
     value = entry[key]
@@ -64,8 +64,9 @@ def choose_video(names: Sequence[str], video: str | None, path: Path) -> str:
     fit = [name for name in names if video is not None and video in (name, name.replace("/", "-"))]
     if len(fit) != 1:
         shown = ", ".join(sorted(names)[:5]) + (", ..." if len(names) > 5 else "")
+        called = "" if video is None else f", not one called {video}"
         raise FormatError(
-            f"{path}: holds {len(names)} videos ({shown}), none of them called {video}; name the video like one of them"
+            f"{path}: holds {len(names)} videos ({shown}){called}; name the video like one of them"
         )
     return fit[0]
 

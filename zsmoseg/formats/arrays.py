@@ -71,7 +71,8 @@ class Rows:
             raise damaged(path, error) from error
 
     def _open(self) -> None:
-        self._stream: IO[bytes] = zipfile.ZipFile(self.path).open(f"{self.key}.npy")  # noqa: SIM115 (kept open)
+        archive = zipfile.ZipFile(self.path)
+        self._stream: IO[bytes] = archive.open(f"{self.key}.npy")
         version = npy.read_magic(self._stream)
         head = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
         self.shape, fortran, self.dtype = head(self._stream)

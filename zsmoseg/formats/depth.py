@@ -68,8 +68,8 @@ def open_depth(path: str | Path) -> DepthSource:
     Parameters
     ----------
     path
-        A folder with a grey .png (16 bits; 8 are read too), .npy, .npz or .exr (H, W) for every frame; or one .npy or
-        .npz (frames, H, W).
+        A folder with a grey .png (16 bits; 8 are read too), .npy, .npz or .exr (H, W) for every frame; or one
+        .npy or .npz (frames, H, W).
 
     Raises
     ------
@@ -126,8 +126,8 @@ def _read_exr(path: Path) -> Array:
         found = None
     if found is None:
         raise FormatError(
-            f"{path}: OpenCV cannot read it (damaged, or built without OpenEXR, or OPENCV_IO_ENABLE_OPENEXR=1 is not "
-            "set); convert it to .npy"
+            f"{path}: OpenCV cannot read it (damaged, or built without OpenEXR, or OPENCV_IO_ENABLE_OPENEXR=1 "
+            "is not set); convert it to .npy"
         )
     alike = found.ndim == 3 and all(np.array_equal(found[..., 0], c, True) for c in np.moveaxis(found, 2, 0))
     return np.asarray(found[..., 0] if alike else found)
@@ -158,8 +158,8 @@ def inverse_depth(values: NDArray[Any], kind: Literal["depth", "inverse-depth"])
     Parameters
     ----------
     values : (H, W) as stored.
-    kind : ``depth``: far is large; 0, less and NaN are unknown, infinitely far is 0. ``inverse-depth``: near is large;
-        NaN and infinity are unknown.
+    kind : ``depth``: far is large; 0, less and NaN are unknown, infinitely far is 0. ``inverse-depth``: near is
+        large; NaN and infinity are unknown.
     """
     given = np.asarray(values, np.float32)
     if kind == "inverse-depth":
@@ -168,6 +168,6 @@ def inverse_depth(values: NDArray[Any], kind: Literal["depth", "inverse-depth"])
 
 
 def encode_depth(inverse: NDArray[Any], largest: float) -> bytes:
-    """A 16-bit png of relative inverse depth (H, W): ``largest`` becomes 65535; unknown and less than 0 become 0."""
+    """A 16-bit png of relative inverse depth (H, W): ``largest`` becomes 65535, unknown and negative ones 0."""
     scaled = np.nan_to_num(inverse, nan=0.0) * (HIGHEST / largest if largest > 0 else 0.0)
     return cv2.imencode(".png", np.rint(np.clip(scaled, 0, HIGHEST)).astype(np.uint16))[1].tobytes()

@@ -54,7 +54,8 @@ class FlowSource:
         Raises
         ------
         FormatError
-            If the file is damaged, not finite, no flow, or of another size than the first; or has no such direction.
+            If the file is damaged, not finite, no flow, or of another size than the first; or there is no such
+            direction.
         """
         index = entry if isinstance(entry, int) else index_of(self.frames, entry, self.path)
         if direction not in self._readers:
@@ -77,10 +78,10 @@ def open_flow(path: str | Path) -> FlowSource:
     ----------
     path
         A folder of one file a pair: .flo, KITTI .png, .npy or .npz ((H, W, 2) or (2, H, W)); directions in
-        folders ``forward`` and ``backward``, by the ends ``_fw`` and ``_bw`` (``_forward``, ``_backward``) of names,
-        or as arrays ``forward`` and ``backward`` of every .npz. A name is that of the first frame of the pair; backward
-        files may all be called after the second. Or one .npz (``forward`` and, if known, ``backward``) or .npy of
-        the whole video: (pairs, H, W, 2) or (pairs, 2, H, W).
+        folders ``forward`` and ``backward``, by the ends ``_fw`` and ``_bw`` (``_forward``, ``_backward``) of
+        names, or as arrays ``forward`` and ``backward`` of every .npz. A name is that of the first frame of the
+        pair; backward files may all be called after the second. Or one .npz (``forward`` and, if known,
+        ``backward``) or .npy of the whole video: (pairs, H, W, 2) or (pairs, 2, H, W).
 
     Raises
     ------
@@ -90,10 +91,13 @@ def open_flow(path: str | Path) -> FlowSource:
     path = Path(path)
     if path.is_dir():
         return _open_folder(path)
-    if not path.is_file() or path.suffix.lower() not in (".npy", ".npz"):
-        raise FormatError(
-            f"{path}: is no flow; give a folder of .flo, .png, .npy or .npz, or one .npy or .npz"
-        )
+    if path.is_file() and path.suffix.lower() in (".npy", ".npz"):
+        return _open_file(path)
+    raise FormatError(f"{path}: is no flow; give a folder of .flo, .png, .npy or .npz, or one .npy or .npz")
+
+
+def _open_file(path: Path) -> FlowSource:
+    """One file of the whole video, or of its only pair."""
     rows = {side: Rows(path, key) for side, key in sides(path).items()}
     shapes = {side: r.shape if len(r.shape) == 4 else (1, *r.shape) for side, r in rows.items()}
     if len({shape[0] for shape in shapes.values()}) > 1 or any(len(shape) != 4 for shape in shapes.values()):

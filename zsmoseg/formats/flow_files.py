@@ -1,8 +1,8 @@
 """Files of optical flow: .flo, KITTI png, .npy, .npz.
 
-Conventions (README of Middlebury's flow-code; devkit of KITTI 2015): x to the right, then y down, in pixels of
-the grid; .flo: float32, a component above 1e9 is unknown; KITTI: 16 bits, ``(value - 32768) / 64``, third channel 0
-where unknown.
+Conventions (README of Middlebury's flow-code; devkit of KITTI 2015): x to the right, then y down, in pixels
+of the grid; .flo: float32, a component above 1e9 is unknown; KITTI: 16 bits, ``(value - 32768) / 64``, third
+channel 0 where unknown.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def sides(path: Path) -> dict[str, str]:
 
 
 def read_flow(path: Path, side: str = "forward") -> Flow:
-    """One file of flow, (2, H, W).
+    """One file of flow, (2, H, W); ``side`` chooses where it holds both.
 
     Raises
     ------
@@ -55,7 +55,8 @@ def read_flow(path: Path, side: str = "forward") -> Flow:
         return _read_kitti(path)
     if ending not in (".npy", ".npz"):
         raise FormatError(f"{path}: is no file of flow; give .flo, .png, .npy or .npz")
-    return as_flow(load(path)[sides(path).get(side, "")], str(path))
+    names = sides(path)
+    return as_flow(load(path)[names.get(side, names["forward"])], str(path))
 
 
 def _read_flo(path: Path) -> Flow:

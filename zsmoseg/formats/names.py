@@ -25,7 +25,7 @@ def find_for_video(path: str | Path, video: str) -> Path:
     Parameters
     ----------
     path
-        A file; or a folder that holds one folder or file (npz, npy, json) for each video, or is that of the video.
+        A file; or a folder that holds one folder or file (npz, npy, json) for each video; or that of the video.
     video
         The video's name in the store.
 

@@ -44,8 +44,8 @@ def decode(segmentation: Any, size: tuple[int, int], where: str) -> NDArray[np.b
     if isinstance(segmentation, dict) and {"size", "counts"} <= segmentation.keys():
         if segmentation["size"] != list(size):
             raise FormatError(
-                f"{where}: the run lengths are of {segmentation['size']}, the image is {list(size)}; encode the masks "
-                "in its size"
+                f"{where}: the run lengths are of {segmentation['size']}, the image is {list(size)}; "
+                "encode the masks in its size"
             )
     elif not isinstance(segmentation, list) or not segmentation:
         raise FormatError(f"{where}: the segmentation is neither run lengths nor polygons")
@@ -67,8 +67,9 @@ def _decode(segmentation: Any, size: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def run_lengths(counts: str | bytes) -> list[int]:
-    """The runs of a compressed string: five bits a character, and from the third run on the difference to the last
-    but one (``rleFrString`` of pycocotools, whose own decoder fills a string cut short with whatever is in memory).
+    """The runs of a compressed string: five bits a character, and from the third run on the difference to the
+    last but one (``rleFrString`` of pycocotools, whose decoder fills what a string cut short lacks with whatever
+    is in memory).
     """
     characters = counts.encode("ascii") if isinstance(counts, str) else counts
     runs: list[int] = []

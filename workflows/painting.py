@@ -1,0 +1,44 @@
+"""The ids of a finished video, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.masks import paint_table
+from zsmoseg.workflows.result import BLOCK, Result
+
+
+def number_tables(result: Result, what: str, when: Literal["ever", "now"]) -> NDArray[np.uint16]:
+    """(frames, objects) the id that every object is painted with at every frame; 0 = none.
+
+    Parameters
+    ----------
+    what : ``group`` and ``thing``: those that move; ``object``: all, static ones too.
+    when : a mover wherever it is seen, or only while it moves.
+    """
+    table, moving = result.artifact("groups").read_table(0), result.moving()
+    if what == "object":
+        return np.tile(np.arange(moving.shape[1], dtype=np.uint16), (len(moving), 1))
+    return np.stack([paint_table(table[what], state, when) for state in moving])
+
+
+def painted(result: Result, what: str, when: Literal["ever", "now"]) -> Iterator[NDArray[np.uint16]]:
+    """(H, W) ids of every frame, at the displayed size; read in blocks. See ``number_tables``."""
+    labels, tables = result.artifact("labels"), number_tables(result, what, when)
+    for start in range(0, len(tables), BLOCK):
+        stop = min(start + BLOCK, len(tables))
+        for table, label in zip(tables[start:stop], labels.read("label", start, stop), strict=True):
+            yield table[label]
+
+
+def image_names(result: Result, folder: bool = False) -> list[str]:
+    """File names of the source's images, with their folder if wanted; of a video file's frames as PNG."""
+    probe = result.probe
+    names = [Path(file).name for file in probe.files] or [f"{name}.png" for name in probe.names]
+    own = Path(probe.files[0]).parent.name if probe.files else result.name
+    return [f"{own}/{name}" for name in names] if folder else names
