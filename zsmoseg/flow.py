@@ -62,7 +62,7 @@ def resized(flow: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.flo
         return np.asarray(cv2.resize(x, shape[::-1], interpolation=cv2.INTER_AREA), np.float32)
 
     part = shrunk(known.astype(np.float32))
-    sums = np.stack([shrunk(np.nan_to_num(axis) * known) for axis in flow])
+    sums = np.stack([shrunk(np.asarray(np.nan_to_num(axis) * known)) for axis in flow])
     return np.asarray(
         np.where(part >= 0.5, sums * scale / np.maximum(part, np.float32(0.5)), np.nan), np.float32
     )

@@ -60,7 +60,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Write the files."""
-    from zsmoseg.workflows.exporting import choose, export
+    from zsmoseg.workflows.export.exporting import choose, export
     from zsmoseg.workflows.result import open_store
 
     chosen = choose(options.format, options.what, options.when, options.dilate, options.cue)

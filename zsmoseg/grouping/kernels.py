@@ -57,3 +57,25 @@ def inlier(residual: Floats, pixels: Floats, factor: float, floor: float) -> Flo
     limit = factor**2 * (np.maximum(own[:, None], own[None, :]) + floor**2)
     fits = (residual < limit).astype(np.float64)
     return np.where(pixels[:, None] >= pixels[None, :], fits, fits.T)
+
+
+def shared_choices(residual: Floats, share: float) -> Floats:
+    """Part of the hypotheses that two things choose both, 0 to 1: the truncated kernel of rectangular residuals.
+
+    Each thing chooses the ``share`` of the hypotheses that explain it best; hypotheses need not be things
+    themselves (Xu, Cheong, Li 2018 after Chin, Wang, Suter 2009). Equals ``ordered`` by columns over the choices.
+
+    Parameters
+    ----------
+    residual : (hypotheses, N).
+
+    Returns
+    -------
+    (N, N), 1 on the diagonal.
+    """
+    hypotheses, count = residual.shape
+    chosen = max(1, round(share * hypotheses))
+    best = np.argpartition(residual, chosen - 1, axis=0)[:chosen]
+    v = np.zeros((count, hypotheses), np.float32)
+    v[np.arange(count), best] = 1.0
+    return np.asarray((v @ v.T) / np.float32(chosen), np.float64)

@@ -1,5 +1,7 @@
 """Scores of masks against truth."""
 
-from zsmoseg.metrics.regions import TrackScores, region_j, track_scores
+from zsmoseg.metrics.contours import boundary_f, boundary_map
+from zsmoseg.metrics.regions import region_j
+from zsmoseg.metrics.tracks import TrackScores, track_scores
 
-__all__ = ["TrackScores", "region_j", "track_scores"]
+__all__ = ["TrackScores", "boundary_f", "boundary_map", "region_j", "track_scores"]

@@ -20,8 +20,8 @@ from zsmoseg.formats.names import SIDES
 from zsmoseg.formats.ytvis import encode_ytvis
 from zsmoseg.masks import encode_png
 from zsmoseg.stores import files
-from zsmoseg.workflows.copying import write_netcdf, write_zarr
-from zsmoseg.workflows.painting import image_names, number_tables, painted
+from zsmoseg.workflows.export.copying import write_netcdf, write_zarr
+from zsmoseg.workflows.export.painting import image_names, number_tables, painted
 from zsmoseg.workflows.result import BLOCK, Result
 
 

@@ -11,9 +11,9 @@ from typing import Literal
 from zsmoseg.errors import FormatError, OutputError, SettingsError, StoreError
 from zsmoseg.formats.mots import PER_CLASS
 from zsmoseg.stores import files
-from zsmoseg.workflows.painting import number_tables
+from zsmoseg.workflows.export.painting import number_tables
+from zsmoseg.workflows.export.writers import CUE_WRITERS, WRITERS, Choice, Writer
 from zsmoseg.workflows.result import Result
-from zsmoseg.workflows.writers import CUE_WRITERS, WRITERS, Choice, Writer
 
 IDS = ("davis", "npz", "coco", "ytvis", "mots")
 KEEP = ("colmap", "nerfstudio")

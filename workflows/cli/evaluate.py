@@ -1,0 +1,105 @@
+"""``zsmoseg evaluate``: masks against the truth of a dataset, as the official evaluators score them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zsmoseg.workflows.cli.run import positive
+
+if TYPE_CHECKING:
+    from zsmoseg.metrics.protocols import Rules
+    from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
+
+PROTOCOLS = ("davis-2016", "davis-2017", "davis-2017-unsupervised", "moving", "fbms", "points")
+FORMATS = ("text", "csv", "json", "markdown", "latex")
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``evaluate``."""
+    add = parser.add_argument
+    add(
+        "predictions",
+        nargs="+",
+        metavar="[NAME=]PREDICTION",
+        help="a store, an output folder of zsmoseg run, or a folder with SEQUENCE/*.png, SEQUENCE.npz or .npy",
+    )
+    add("--truth", type=Path, required=True, metavar="DATASET", help="root of a dataset, or its annotations")
+    add(
+        "--protocol",
+        choices=PROTOCOLS,
+        help="moving (default): Pu Ru Fu and J; davis-...: J and F as those evaluators; fbms: P R F of Ochs et al.; "
+        "points: misclassified tracks (default, and the only one, for KT3DMoSeg)",
+    )
+    add("--format", choices=FORMATS, default="text")
+    add("--sequences", metavar="A,B", help="sequences, published lists (davis-moving-val, ...) or all")
+    add("--official", action="store_true", help="the official number also where it is known to be wrong")
+    add(
+        "--void",
+        metavar="LABEL|none",
+        help="the label in the truth that is void (default: the protocol's rule)",
+    )
+    add(
+        "--motion-times",
+        type=Path,
+        metavar="FILE",
+        help="CSV sequence,object,start,stop: frame numbers, stop exclusive, between which an object moves; adds J "
+        "while moving and false objects a frame to moving",
+    )
+    add("--label", choices=("group", "thing"), default="group", help="which masks of zsmoseg are scored")
+    add("--workers", type=positive, help="processes (default: the cores)")
+    add("-o", "--out", type=Path, metavar="FILE", help="write there instead of to the terminal")
+
+
+def main(options: argparse.Namespace) -> int:
+    """Score and print."""
+    from zsmoseg.errors import OutputError
+    from zsmoseg.workflows.evaluate.tables import render
+
+    out: Path | None = options.out
+    if out is not None and (out.is_dir() or not out.parent.is_dir()):
+        raise OutputError(f"{out}: cannot be written: it is a folder, or in one that is not there")
+    text = render(scoreboard(options), options.format)
+    if out is None:
+        print(text, end="")
+        return 0
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{out}: cannot be written ({error.strerror})") from error
+    return 0
+
+
+def scoreboard(options: argparse.Namespace) -> Scoreboard:
+    """Score what the options say."""
+    from zsmoseg.datasets import open_dataset, select
+    from zsmoseg.workflows.evaluate.evaluation import evaluate, read_times
+    from zsmoseg.workflows.evaluate.predictions import named_predictions
+
+    predictions = named_predictions(options.predictions, options.label)
+    dataset = open_dataset(options.truth, options.protocol or "")
+    protocol = options.protocol or ("points" if dataset.kind == "points" else "moving")
+    wanted = [word.strip() for word in options.sequences.split(",")] if options.sequences else None
+    selection = select(dataset, wanted, protocol)
+    rules = _rules(options, protocol)
+    times = (
+        None if options.motion_times is None else read_times(options.motion_times, dataset, selection, rules)
+    )
+    return evaluate(predictions, dataset, selection, rules, times, options.workers)
+
+
+def _rules(options: argparse.Namespace, protocol: str) -> Rules:
+    from zsmoseg.errors import SettingsError
+    from zsmoseg.metrics.protocols import PROTOCOLS, Rules
+
+    void = PROTOCOLS[protocol].void
+    if options.void is None:
+        return Rules(protocol, void, options.official)
+    if options.official:
+        raise SettingsError(
+            "--official and --void contradict each other: the official void rule is the default"
+        )
+    if options.void != "none" and not options.void.isdecimal():
+        raise SettingsError(f"--void {options.void}: expected a label (255) or none")
+    return Rules(protocol, None if options.void == "none" else int(options.void))

@@ -1,0 +1,1 @@
+"""Predictions against truth: reading both, scoring in processes, tables."""

@@ -1,0 +1,58 @@
+"""KT3DMoSeg and data sets like it: point tracks with their motion group, as .npz or the original .mat."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.errors import DatasetError
+
+
+class Tracks(NamedTuple):
+    """``points`` (tracks, frames, 2) x and y in pixels, ``visible`` (tracks, frames), ``label`` (tracks,) from 1."""
+
+    points: NDArray[np.float64]
+    visible: NDArray[np.bool_]
+    label: NDArray[np.int64]
+
+
+def read_tracks(path: Path) -> Tracks:
+    """Read the tracks of one clip.
+
+    Raises
+    ------
+    DatasetError
+        Not readable, without the arrays, or with arrays that do not fit each other.
+    """
+    try:
+        points, visible, label = _mat(path) if path.suffix == ".mat" else _npz(path)
+    except (OSError, KeyError, IndexError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        raise DatasetError(f"{path}: cannot be read as point tracks ({error})") from error
+    if (
+        points.ndim != 3
+        or points.shape[2] != 2
+        or points.shape[:2] != visible.shape
+        or len(label) != len(points)
+    ):
+        raise DatasetError(
+            f"{path}: points {points.shape}, visible {visible.shape} and label {label.shape} do not fit each other"
+        )
+    return Tracks(points.astype(np.float64), visible.astype(np.bool_), label.astype(np.int64))
+
+
+def _npz(path: Path) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    with np.load(path, allow_pickle=False) as arrays:
+        return arrays["points"], arrays["visible"], arrays["label"]
+
+
+def _mat(path: Path) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """``Data.ySparse`` (3, tracks, frames), ``Data.visibleSparse`` (tracks, frames), ``Data.GtLabel``."""
+    from scipy.io import loadmat
+
+    data = loadmat(path, simplify_cells=True)["Data"]
+    points = np.asarray(data["ySparse"])[:2].transpose(1, 2, 0)
+    return points, np.asarray(data["visibleSparse"]), np.asarray(data["GtLabel"]).ravel()
