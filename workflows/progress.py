@@ -12,6 +12,7 @@ from typing import Any, Self, TextIO
 from zsmoseg.workflows.estimate import Estimate, estimate_line
 from zsmoseg.workflows.jobs import Outcome
 from zsmoseg.workflows.plan import VideoPlan, explain_plan
+from zsmoseg.workflows.run import Quiet
 
 SHOWN = 6
 """Videos whose plan is printed in full before a run."""
@@ -132,6 +133,20 @@ class Bars(Lines):
     ) -> None:
         self.progress.stop()
         super().__exit__(kind, error, trace)
+
+
+class Steps(Quiet):
+    """For runs within another job: a line a run, and what failed."""
+
+    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
+        """What is to do."""
+        todo = sum(plan.todo for plan in plans)
+        what = f"{todo} parts to do; {estimate_line(guess)}" if todo else "nothing to compute"
+        print(f"{len(plans)} videos: {what}", file=sys.stderr, flush=True)
+
+    def failed(self, name: str, message: str) -> None:
+        """A line a failure."""
+        print(f"failed: {name}: {message}", file=sys.stderr, flush=True)
 
 
 def make_watcher() -> Lines:

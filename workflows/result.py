@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 BLOCK = 16
 """Frames that a lazy mask reads at once."""
+LAST = "masks"
+"""What a run to the end reaches."""
 
 
 def segment(
@@ -142,15 +144,25 @@ class OpenStore:
         return iter(dict.fromkeys(name for run in list_runs(self.store) for name in run["videos"]))
 
     def get(self, name: str, run: str | None = None) -> Result:
-        """The latest finished run of a video, or the one of ``run``."""
-        for record in reversed(list_runs(self.store)):
-            if (
-                name in record["videos"]
-                and run in (None, record["id"])
-                and name not in record.get("failures", {})
-            ):
-                entry = record["videos"][name]
-                return Result(self.store, name, entry["video"], entry["keys"])
+        """One video: of the run ``run``, else of the latest finished one, to the end if there is one.
+
+        Raises
+        ------
+        StoreError
+            There is no such run.
+        """
+        found = [
+            record
+            for record in reversed(list_runs(self.store))
+            if name in record["videos"]
+            and name not in record.get("failures", {})
+            and record["outcome"] in ("done", "failed")
+            and run in (None, record["id"])
+        ]
+        whole = [record for record in found if LAST in record["videos"][name]["keys"]]
+        for record in [*whole, *found]:
+            entry = record["videos"][name]
+            return Result(self.store, name, entry["video"], entry["keys"])
         raise StoreError(
             f"{self.store.path}: no finished run of {name!r}; zsmoseg status lists what is there"
         )

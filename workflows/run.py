@@ -74,12 +74,13 @@ class Quiet:
 
 @dataclass
 class Report:
-    """How a run ended."""
+    """How a run ended; ``run`` is its id in the store."""
 
     plans: list[VideoPlan]
     summaries: dict[str, dict[str, Any]] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
     traces: dict[str, str] = field(default_factory=dict)
+    run: str = ""
 
 
 def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[str, str]]:
@@ -141,6 +142,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     for name, message in failures.items():
         watcher.failed(name, message)
     record = RunRecord.begin(store, request.settings.flat(), plans_record(plans))
+    report.run = record.content["id"]
     state = "interrupted"
     try:
         for plan in plans:

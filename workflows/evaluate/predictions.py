@@ -22,11 +22,15 @@ FOLDERS = {"group": "masks", "thing": "objects"}
 
 @dataclass(frozen=True)
 class Prediction:
-    """One method's masks of all sequences; ``kind``: motion groups or single things, where zsmoseg made them."""
+    """One method's masks of all sequences.
+
+    Where zsmoseg made them ``kind`` says motion groups or single things, and ``run`` which run of a store.
+    """
 
     name: str
     path: Path
     kind: Kind = "group"
+    run: str | None = None
 
     def check(self, truth: Truth, inner: bool) -> None:
         """Raise ``FormatError`` if masks of the sequence or of one of its scored frames are missing."""
@@ -44,7 +48,7 @@ class Prediction:
         """
         place, frames = self._place(truth.name), truth.scored(inner).frames
         if place is None:
-            return _stored(self.path, truth.name, frames, self.kind)
+            return self._stored(truth.name, frames)
         if place.is_dir():
             files = _files(place, frames)
             return lambda index: (str(files[index]), read_labels(files[index]))
@@ -64,8 +68,8 @@ class Prediction:
         if place is None:
             from zsmoseg.workflows.result import open_store
 
-            names = open_store(self.path)[sequence].probe.names
-            found, read = len(names), _stored(self.path, sequence, names, self.kind)
+            names = open_store(self.path).get(sequence, self.run).probe.names
+            found, read = len(names), self._stored(sequence, names)
         elif place.is_dir():
             files = label_files(place)
             found, read = len(files), lambda index: (str(files[index]), read_labels(files[index]))
@@ -98,6 +102,30 @@ class Prediction:
                 f"{sequence}/{FOLDERS[self.kind]}/*.png, {sequence}.npz or .npy); --sequences leaves sequences out"
             )
         return place
+
+    def _stored(self, video: str, frames: Sequence[str]) -> Read:
+        """Masks of a finished run, some frames at once."""
+        from zsmoseg.workflows.result import BLOCK, open_store
+
+        result = open_store(self.path).get(video, self.run)
+        place = {name: index for index, name in enumerate(result.probe.names)}
+        missing = next((name for name in frames if name not in place), None)
+        if missing is not None:
+            raise FormatError(f"{self.path}: the video {video!r} has no frame {missing}, which is annotated")
+        masks = result.masks(self.kind)
+        block: dict[int, Labels] = {}
+
+        def read(index: int) -> tuple[str, Labels]:
+            number, inside = divmod(place[frames[index]], BLOCK)
+            if number not in block:
+                block.clear()
+                try:
+                    block[number] = masks[number * BLOCK : (number + 1) * BLOCK].values
+                except (OSError, ValueError) as error:
+                    raise StoreError(f"{self.path}: masks of {video!r} cannot be read ({error})") from error
+            return f"{self.path}: {video}, frame {frames[index]}", block[number][inside]
+
+        return read
 
 
 def named_predictions(arguments: Sequence[str], kind: Kind) -> list[Prediction]:
@@ -147,28 +175,3 @@ def _files(folder: Path, frames: Sequence[str]) -> list[Path]:
             f"{names[0]} to {names[-1]}"
         )
     return [files[name] for name in frames]
-
-
-def _stored(store: Path, video: str, frames: Sequence[str], kind: Kind) -> Read:
-    """Masks of a finished run, some frames at once."""
-    from zsmoseg.workflows.result import BLOCK, open_store
-
-    result = open_store(store)[video]
-    place = {name: index for index, name in enumerate(result.probe.names)}
-    missing = next((name for name in frames if name not in place), None)
-    if missing is not None:
-        raise FormatError(f"{store}: the video {video!r} has no frame {missing}, which is annotated")
-    masks = result.masks(kind)
-    block: dict[int, Labels] = {}
-
-    def read(index: int) -> tuple[str, Labels]:
-        number, inside = divmod(place[frames[index]], BLOCK)
-        if number not in block:
-            block.clear()
-            try:
-                block[number] = masks[number * BLOCK : (number + 1) * BLOCK].values
-            except (OSError, ValueError) as error:
-                raise StoreError(f"{store}: masks of {video!r} cannot be read ({error})") from error
-        return f"{store}: {video}, frame {frames[index]}", block[number][inside]
-
-    return read

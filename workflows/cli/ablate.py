@@ -1,0 +1,124 @@
+"""``zsmoseg ablate``: the steps of the paper, and any setting, one after the other over the same cues."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zsmoseg.workflows.cli.common import OUT, store_option, store_path
+from zsmoseg.workflows.cli.run import (
+    cue_options,
+    execution_options,
+    frame_options,
+    overrides,
+    setting_options,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from zsmoseg.workflows.ablation import Variant
+    from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
+
+DEFAULT = Path("zsmoseg-ablation")
+SHOWN = ("Fu", "Fu_binary", "J")
+ENDINGS = {"text": "txt", "csv": "csv", "json": "json", "markdown": "md", "latex": "tex"}
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The options of ``ablate``."""
+    add = parser.add_argument
+    add("sources", nargs="+", metavar="SOURCE", help="the videos, as for zsmoseg run")
+    add("--truth", type=Path, required=True, metavar="DATASET", help="root of a dataset, or its annotations")
+    add(
+        "--sweep",
+        action="append",
+        default=[],
+        metavar="KEY=A,B",
+        help="instead of the paper's steps: a setting and its values; may be repeated, each is a table and a plot",
+    )
+    add("--format", choices=tuple(ENDINGS), default="text", help="of the tables")
+    add("-o", "--out", type=Path, default=DEFAULT, help=f"folder of tables and plots (default: {DEFAULT})")
+    store_option(parser)
+    add("--groups", metavar="auto|K", help="number of groups, the static one included (groups.count)")
+    setting_options(parser)
+    execution_options(parser)
+    frame_options(parser)
+    add("--ignore", metavar="MASK.png", help="pixels that count for nothing (ignore.mask)")
+    cue_options(parser)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run, score, print the means; write every table, and a plot of every sweep.
+
+    Raises
+    ------
+    ZsmosegError
+        Bad settings, sources or truth; a video that failed; an output folder that is not ours.
+    """
+    from zsmoseg.datasets import open_dataset
+    from zsmoseg.stores.output import Output
+    from zsmoseg.workflows.ablation import ablate, paper_steps, sweep
+    from zsmoseg.workflows.evaluate.tables import render
+    from zsmoseg.workflows.progress import Steps
+    from zsmoseg.workflows.run import Request
+    from zsmoseg.workflows.stages.masks import write_bytes
+
+    sweeps = {text.partition("=")[0]: sweep(text) for text in options.sweep} or {"steps": paper_steps()}
+    output = Output(options.out, "ablation")
+    output.refuse_foreign()
+    dataset = open_dataset(options.truth, "moving")
+    request = Request(
+        options.sources,
+        Path(OUT),
+        store_path(options.store),
+        scheduler=options.scheduler,
+        workers=options.workers,
+    )
+    given = options.preset, options.config, overrides(options)
+    boards = {}
+    for name, variants in sweeps.items():
+        boards[name] = ablate(request, *given, variants, dataset, Steps())
+        print(*_means(boards[name], variants), sep="\n")
+    output.claim({})
+    for name, board in boards.items():
+        file = f"{name}.{ENDINGS[options.format]}"
+        output.add({file: write_bytes(output.path / file, render(board, options.format).encode())}, name)
+        if options.sweep:
+            output.add({f"{name}.png": write_bytes(output.path / f"{name}.png", _plot(name, board))}, name)
+    print(f"tables of every sequence, and differences with their uncertainty: {output.path}")
+    return 0
+
+
+def _means(board: Scoreboard, variants: Sequence[Variant]) -> list[str]:
+    """A line a variant."""
+    width = max(len(v.name) for v in variants)
+    lines = [f"{'':<{width}}  " + "  ".join(f"{m:>9}" for m in board.metrics)]
+    for variant in variants:
+        mean = board.mean(variant.name)
+        lines.append(f"{variant.name:<{width}}  " + "  ".join(f"{mean[m]:9.1f}" for m in board.metrics))
+    return lines
+
+
+def _plot(name: str, board: Scoreboard) -> bytes:
+    """A PNG: mean scores over the values of one setting."""
+    from io import BytesIO
+
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    labels = [method.partition(" = ")[2] for method in board.methods]
+    for metric in SHOWN:
+        axes.plot(labels, [board.mean(method)[metric] for method in board.methods], marker="o", label=metric)
+    axes.set_xlabel(name)
+    axes.set_ylabel("percent, mean over sequences")
+    axes.set_title(f"{board.truth.split(',')[0]}: {board.sequences}", fontsize="small")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png", dpi=120, metadata={"Software": None})
+    return buffer.getvalue()
