@@ -2,8 +2,8 @@
 
     python benchmarks/object_cues.py DAVIS PROPOSALS [SEQUENCE ...]
 
-PROPOSALS holds a folder of indexed PNG a sequence, ids stable over it. Rule ``spectral``, told two groups, so that
-nothing but the affinity decides. "Bound": every object on the side where most of its pixels are.
+PROPOSALS holds a folder of indexed PNG a sequence, ids stable over it. Rule ``spectral``, told two groups or
+none, so that nothing but the affinity decides. "Bound": every object on the side where most of its pixels are.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ from zsmoseg.trajectories import follow, look_up
 
 WIDTH, SPACING = 427, 12
 SETTINGS = resolve(overrides={"groups.rule": "spectral", "groups.count": 2})
-COLUMNS = ("flow", "epipolar", "sum", "co-regularised", "bound")
+TOLD = SETTINGS.groups
+AUTO = resolve(overrides={"groups.rule": "spectral"}).groups
+CUES = ("flow", "epipolar", "sum", "co-regularised")
+COLUMNS = (*CUES, *(f"{cue}, auto" for cue in CUES), "bound")
 
 
 def load(folder: Path, flags: int, size: tuple[int, int] | None = None) -> list[np.ndarray]:
@@ -71,9 +74,9 @@ def scores(davis: Path, proposals: Path, name: str) -> list[float]:
     by_points = accumulate(pairs, count, SETTINGS.affinity)
     milliseconds = 1000 * (time.perf_counter() - began) / len(frames)
 
-    affinities = [normalised(*by_flow), normalised(*by_points), fused([by_flow, by_points])]
-    affinities.append(fused([by_flow, by_points], 2))
-    groups = [spectral_groups(a, area, SETTINGS.groups) for a in affinities]
+    views = [normalised(*by_flow), normalised(*by_points)]
+    affinities = [*views, fused(views), fused(views, 2)]
+    groups = [spectral_groups(a, area, s) for s in (TOLD, AUTO) for a in affinities]
     inside = np.bincount(np.concatenate([o[t] for o, t in zip(objects, truth, strict=True)]), minlength=count)
     everything = np.bincount(np.stack(objects).ravel(), minlength=count)
     groups.append((inside > everything / 2).astype(np.int64))
@@ -83,7 +86,7 @@ def scores(davis: Path, proposals: Path, name: str) -> list[float]:
     alive = len(tracks.frame) / len(frames)
     print(
         f"{name:<20}"
-        + "".join(f"{v:>16.1f}" for v in found)
+        + "".join(f"{v:>22.1f}" for v in found)
         + f"{alive:>10.0f} tracks {milliseconds:6.1f} ms",
         flush=True,
     )
@@ -94,9 +97,9 @@ def main() -> None:
     """Print the table."""
     davis, proposals = Path(sys.argv[1]), Path(sys.argv[2])
     names = sys.argv[3:] or sorted(path.name for path in proposals.iterdir() if path.is_dir())
-    print(f"{'':<20}" + "".join(f"{name:>16}" for name in COLUMNS) + "  a frame")
+    print(f"{'':<20}" + "".join(f"{name:>22}" for name in COLUMNS) + "  a frame")
     found = np.array([scores(davis, proposals, name) for name in names])
-    print(f"{'mean':<20}" + "".join(f"{v:>16.1f}" for v in found.mean(0)))
+    print(f"{'mean':<20}" + "".join(f"{v:>22.1f}" for v in found.mean(0)))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""Classification error of track points, best assignment, in percent: each cue and all fused, the number of groups told.
+"""Classification error of track points, best assignment, in percent: each cue and all fused, the number of groups told
+(and, in one line, estimated).
 
     python benchmarks/track_points.py KT3DMOSEG HOPKINS155
 
@@ -15,15 +16,16 @@ from pathlib import Path
 import numpy as np
 
 from zsmoseg.datasets.points import read_tracks
-from zsmoseg.grouping.points import classify, cue_affinity
+from zsmoseg.grouping.fusion import count_groups
+from zsmoseg.grouping.points import classify, combined, cue_affinity, parted
 from zsmoseg.grouping.twoview import CUES
 from zsmoseg.metrics.points import classification_error
 
 COLUMNS = (*CUES, "added", "co-regularised")
 
 
-def clip_errors(path: Path) -> dict[bool, list[float]]:
-    """Errors of all columns, cut and merged."""
+def clip_errors(path: Path) -> tuple[dict[bool, list[float]], float, bool]:
+    """Errors of all columns, cut and merged; of ``added`` where the number of groups is estimated; whether it is right."""
     points, visible, truth = read_tracks(path)
     affinities = {cue: cue_affinity(points, visible, cue) for cue in CUES}
     groups = len(np.unique(truth))
@@ -31,7 +33,9 @@ def clip_errors(path: Path) -> dict[bool, list[float]]:
     for merge in (False, True):
         found = classify(affinities, groups, merge)
         out[merge] = [classification_error(truth, found[name]) for name in COLUMNS]
-    return out
+    total = combined(affinities)
+    estimate = count_groups(total)
+    return out, classification_error(truth, parted(total, estimate)), estimate == groups
 
 
 def row(title: str, values: np.ndarray) -> None:
@@ -46,16 +50,23 @@ def table(folder: Path, each: bool) -> None:
     if not paths:
         sys.exit(f"{folder}: no .npz clips")
     print(f"\n{folder.name}, {len(paths)} clips\n{'':<34}" + "".join(f"{name:>16}" for name in COLUMNS))
-    errors = []
+    errors, estimated = [], []
     for path in paths:
-        errors.append(clip_errors(path))
+        told, *automatic = clip_errors(path)
+        errors.append(told)
+        estimated.append(automatic)
         if each:
-            row(f"{path.stem}, cut", np.array(errors[-1][False]))
-            row(f"{path.stem}, merged", np.array(errors[-1][True]))
+            row(f"{path.stem}, cut", np.array(told[False]))
+            row(f"{path.stem}, merged", np.array(told[True]))
     for merge, title in ((False, "cut"), (True, "merged")):
         values = np.array([e[merge] for e in errors])
         row(f"mean, {title}", values.mean(0))
         row(f"median, {title}", np.median(values, axis=0))
+    error, right = np.array(estimated, float).T
+    print(
+        f"number of groups estimated, added: mean {error.mean():.2f}, median {np.median(error):.2f}; "
+        f"number right in {int(right.sum())}"
+    )
     print(f"{(time.perf_counter() - began) / len(paths):.1f} s a clip")
 
 

@@ -15,7 +15,7 @@ from runs import Report, segment
 from zsmoseg.settings import Settings, defaults, resolve
 from zsmoseg.workflows.plan import following
 from zsmoseg.workflows.run import Request, dry_run
-from zsmoseg.workflows.stages import FRONTS
+from zsmoseg.workflows.stages import GRAPHS
 
 OTHER: dict[str, Any] = {
     "video.start": "1f",
@@ -29,6 +29,11 @@ NO_BYTES = {
     "video.fps": "times of images: asserted on the times",
     "video.allow_truncated": "acts on damaged videos: tests/test_video.py",
     "video.fingerprint": "names the source: another video folder, tests/test_run.py",
+    "trajectories.spacing": "second cue: tests/test_second_cue.py",
+    "trajectories.gaps": "second cue: tests/test_second_cue.py",
+    "affinity.cues": "second cue: tests/test_second_cue.py",
+    "affinity.fusion": "second cue: tests/test_second_cue.py",
+    "affinity.columns": "second cue: tests/test_second_cue.py",
     "flow.source": "imports: tests/test_imports.py",
     "flow.path": "imports: tests/test_imports.py",
     "depth.path": "imports: tests/test_imports.py",
@@ -173,7 +178,7 @@ def test_a_setting_recomputes_its_stages_and_changes_something(
         )
     )
     assert name in lines
-    stages = FRONTS["embedded"]
+    stages = GRAPHS["embedded-flow"]
     readers = [s.name for s in stages.values() if name.split(".")[0] in s.sections]
     expected = set().union(*(following(stages, reader) for reader in readers))
     _, counter = segment(clip, root, changed)

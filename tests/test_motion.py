@@ -51,7 +51,7 @@ def ids_of(label: np.ndarray) -> np.ndarray:
 
 
 def residual_of(label: np.ndarray, flow: np.ndarray, inverse: np.ndarray, model: str) -> np.ndarray:
-    gram = pair_statistics(label, ids_of(label), flow, inverse, None, PLAIN)
+    gram = pair_statistics(label, ids_of(label), flow, None, inverse, None, PLAIN)
     return pair_residuals(gram[: int(label.max()) + 1], MODELS[model])[0]
 
 
@@ -157,15 +157,17 @@ def test_ignored_pixels_enter_no_sum() -> None:
     ignore[:25] = True
     wild = flow.copy()
     wild[:, :25] = 1e6
-    calm = pair_statistics(label, ids_of(label), flow, inverse, ignore, PLAIN)
-    np.testing.assert_array_equal(calm, pair_statistics(label, ids_of(label), wild, inverse, ignore, PLAIN))
+    calm = pair_statistics(label, ids_of(label), flow, None, inverse, ignore, PLAIN)
+    np.testing.assert_array_equal(
+        calm, pair_statistics(label, ids_of(label), wild, None, inverse, ignore, PLAIN)
+    )
     assert calm[:5, 0, 0].sum() == np.count_nonzero(~ignore)
 
 
 def test_cells_are_the_background_cut_by_a_grid() -> None:
     label, inverse = scene()
     flow = rigid(label, inverse).astype(np.float32)
-    gram = pair_statistics(label, ids_of(label), flow, inverse, None, PLAIN)
+    gram = pair_statistics(label, ids_of(label), flow, None, inverse, None, PLAIN)
     cells = cell_grid(SHAPE, PLAIN.cells_y, PLAIN.cells_x)
     expected = [np.count_nonzero((cells == k) & (label == 0)) for k in range(PLAIN.cells_y * PLAIN.cells_x)]
     assert gram[5:, 0, 0].tolist() == expected
@@ -175,7 +177,7 @@ def test_cells_are_the_background_cut_by_a_grid() -> None:
 def test_absent_objects_have_no_pixels_and_unknown_labels_count_for_nothing() -> None:
     label, inverse = scene()
     ids = np.array([0, 2, 3, 9])
-    gram = pair_statistics(label, ids, rigid(label, inverse), inverse, None, PLAIN)
+    gram = pair_statistics(label, ids, rigid(label, inverse), None, inverse, None, PLAIN)
     assert gram[3, 0, 0] == 0
     assert gram[1, 0, 0] == np.count_nonzero(label == 2)
     assert slots(label, ids)[label == 4].max() == -1
@@ -195,7 +197,7 @@ def test_borders_are_left_out_but_thin_objects_keep_their_pixels() -> None:
 
 def test_without_depth_the_inverse_depth_is_nothing() -> None:
     label, inverse = scene()
-    gram = pair_statistics(label, ids_of(label), rigid(label, inverse), None, None, PLAIN)
+    gram = pair_statistics(label, ids_of(label), rigid(label, inverse), None, None, None, PLAIN)
     assert not gram[:, 3:6].any()
     assert normalise(np.full((2, 2), np.nan)).tolist() == [[0, 0], [0, 0]]
 
@@ -203,8 +205,8 @@ def test_without_depth_the_inverse_depth_is_nothing() -> None:
 def test_sums_of_grams_are_the_grams_of_unions() -> None:
     label, inverse = scene()
     flow = rigid(label, inverse)
-    gram = pair_statistics(label, ids_of(label), flow, inverse, None, PLAIN)
-    united = pair_statistics(np.where(label == 2, 1, label), ids_of(label), flow, inverse, None, PLAIN)
+    gram = pair_statistics(label, ids_of(label), flow, None, inverse, None, PLAIN)
+    united = pair_statistics(np.where(label == 2, 1, label), ids_of(label), flow, None, inverse, None, PLAIN)
     np.testing.assert_allclose(gram[1] + gram[2], united[1], rtol=1e-12)
 
 
@@ -230,7 +232,7 @@ def test_degenerate_objects_spread_no_nan(model: str, depth: str, kind: str) -> 
     label[{"line": np.s_[9, 5:30], "square": np.s_[9:13, 5:9], "dot": np.s_[9, 5]}[kind]] = 1
     inverse = {"constant": np.full(SHAPE, 0.2), "none": None, "relief": relief}[depth]
     flow = rigid(label, relief) + np.random.default_rng(0).normal(0, 0.1, (2, *SHAPE))
-    gram = pair_statistics(label, ids_of(label), flow, inverse, None, PLAIN)
+    gram = pair_statistics(label, ids_of(label), flow, None, inverse, None, PLAIN)
     residual, pixels, coefficient = pair_residuals(gram[:2], MODELS[model])
     assert pixels.tolist() == [np.count_nonzero(label == 0), np.count_nonzero(label == 1)]
     assert np.isfinite(residual[0, 0])
@@ -255,7 +257,7 @@ def test_one_motion_for_two_costs_nothing_where_they_share_it() -> None:
     flow = rigid(label, inverse)
     shared = rigid(np.zeros_like(label), inverse)
     for movement, same in ((shared, True), (flow, False)):
-        gram = pair_statistics(label, ids_of(label), movement, inverse, None, PLAIN)[:3]
+        gram = pair_statistics(label, ids_of(label), movement, None, inverse, None, PLAIN)[:3]
         cost, own = merge_costs(gram, MODELS["screw"], gram.sum(0))
         assert own.max() < 1e-6
         np.testing.assert_array_equal(cost, cost.T)
@@ -268,7 +270,7 @@ def test_slots_that_are_not_seen_change_no_bit() -> None:
     label, inverse = scene()
     flow = rigid(label, inverse).astype(np.float32)
     few, many = ids_of(label), np.array([0, 1, 2, 3, 4, 7, 8, 9, 30])
-    grams = [pair_statistics(label, ids, flow, inverse, None, PLAIN)[: len(ids)] for ids in (few, many)]
+    grams = [pair_statistics(label, ids, flow, None, inverse, None, PLAIN)[: len(ids)] for ids in (few, many)]
     for model in MODELS.values():
         a, b = (pair_residuals(gram, model)[0] for gram in grams)
         np.testing.assert_array_equal(a, b[:5, :5])
@@ -288,5 +290,5 @@ def test_a_fit_finds_the_true_parameters() -> None:
     theta = np.random.default_rng(3).normal(size=model.parameters)
     rows_u, rows_v = design(inverse, model)
     flow = np.stack([(rows_u @ theta).reshape(SHAPE), (rows_v @ theta).reshape(SHAPE)])
-    gram = pair_statistics(label, ids_of(label), flow, inverse, None, PLAIN)[:1]
+    gram = pair_statistics(label, ids_of(label), flow, None, inverse, None, PLAIN)[:1]
     np.testing.assert_allclose(fit(gram, model, gram[0])[0], theta, atol=1e-7)

@@ -83,7 +83,7 @@ def _runs(moving: NDArray[np.bool_], start: int) -> Iterator[tuple[int, int]]:
 
 def _companions(result: Result, span: Span, local: int) -> str:
     affinity = result.artifact("affinity").read_table(0, span.name)
-    together, similar = affinity["together"][local], affinity["affinity"][local]
+    together, similar = affinity["together"][:, local].sum(0), affinity["affinity"][local]
     others = [n for n in np.argsort(-similar, kind="stable") if n != local and together[n] > 0][:SHOWN]
     if not others:
         return "affinity: it is never seen together with another object"

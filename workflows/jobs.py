@@ -33,7 +33,7 @@ class Job:
     settings: Mapping[str, Any]
     inputs: Mapping[str, str]
     out: str = ""
-    front: str = "embedded"
+    graph: str = "embedded-flow"
 
     @property
     def name(self) -> str:
@@ -76,10 +76,10 @@ def _run(job: Job) -> Outcome:
     from zsmoseg.stores.location import Store
     from zsmoseg.video import Probe
     from zsmoseg.workflows.stage import Task
-    from zsmoseg.workflows.stages import FRONTS
+    from zsmoseg.workflows.stages import GRAPHS
 
     clock = time.process_time()
-    stage, store = FRONTS[job.front][job.stage], Store.open(job.store, create=False)
+    stage, store = GRAPHS[job.graph][job.stage], Store.open(job.store, create=False)
     inputs = {name: store.artifact(job.video, name, key) for name, key in job.inputs.items()}
     described = store.artifact(job.video, "frames", job.frames).description
     assert described is not None

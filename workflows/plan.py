@@ -18,7 +18,7 @@ from zsmoseg.stores.schema import FORMAT
 from zsmoseg.video import Probe
 from zsmoseg.workflows import imports
 from zsmoseg.workflows.stage import ALL, Stage, working_size
-from zsmoseg.workflows.stages import FRONTS, names
+from zsmoseg.workflows.stages import GRAPHS, graph_of, names
 
 
 @dataclass
@@ -58,7 +58,7 @@ class StagePlan:
 
 @dataclass
 class VideoPlan:
-    """One video: the stages in order, of the front end ``front``; ``brought`` are the cues that were imported."""
+    """One video: the stages in order, of the graph ``graph``; ``brought`` are the cues that were imported."""
 
     source: str
     name: str
@@ -67,7 +67,7 @@ class VideoPlan:
     probe: Probe
     stages: dict[str, StagePlan]
     output: Output
-    front: str = "embedded"
+    graph: str = "embedded-flow"
     brought: Mapping[str, imports.Brought] = field(default_factory=dict)
 
     @property
@@ -121,17 +121,17 @@ def plan_video(
         The output folder is not ours.
     """
     settings, brought = imports.settle(settings, store, name, video)
-    front = settings.proposals.source
-    stages = FRONTS[front]
+    graph = graph_of(settings)
+    stages = GRAPHS[graph]
     for option, value in [("--from", start_from), *(("--until", stage) for stage in until)]:
         if value is not None and value not in stages:
-            known = "with these proposals" if value in names() else "such"
-            raise SettingsError(f"{option} {value}: no stage {known}; there are {', '.join(stages)}")
+            what = "no stage with these settings" if value in names() else "no such stage"
+            raise SettingsError(f"{option} {value}: {what}; there are {', '.join(stages)}")
     output = Output(out, video)
     needed = _needed(stages, until)
     if any(stage.output for stage in needed):
         output.refuse_foreign()
-    plan = VideoPlan(source, name, video, fingerprint, probe, {}, output, front, brought)
+    plan = VideoPlan(source, name, video, fingerprint, probe, {}, output, graph, brought)
     for stage in needed:
         plan.stages[stage.name] = _plan_stage(plan, store, stage, settings)
     again = following(stages, start_from) if start_from else set()

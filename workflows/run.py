@@ -281,7 +281,7 @@ def jobs(request: Request, plan: VideoPlan, index: int) -> Iterator[tuple[Job, l
                 stage.settings,
                 stage.inputs,
                 str(plan.output.path),
-                plan.front,
+                plan.graph,
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]

@@ -56,7 +56,7 @@ def resized(flow: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.flo
     if flow.shape[1:] == shape:
         return flow
     scale = np.array([shape[1] / flow.shape[2], shape[0] / flow.shape[1]], np.float32)[:, None, None]
-    known: NDArray[np.bool_] = np.isfinite(flow).all(axis=0)
+    known = np.asarray(np.isfinite(flow).all(axis=0))
 
     def shrunk(x: NDArray[Any]) -> NDArray[np.float32]:
         return np.asarray(cv2.resize(x, shape[::-1], interpolation=cv2.INTER_AREA), np.float32)

@@ -246,6 +246,13 @@ class Statistics(Section):
     border: int = setting(
         1, "pixels this close to a boundary between objects are left out", "px", ge=0, le=16
     )
+    closure: float = setting(
+        0.5,
+        "pixels whose flow there and back ends farther than this from where it began are left out ...",
+        "px",
+        gt=0,
+    )
+    closure_part: float = setting(0.05, "... plus this part of the flow's length", ge=0)
     cells_y: int = setting(5, "rows of the grid of background cells", ge=1, le=32)
     cells_x: int = setting(8, "columns of the grid of background cells", ge=1, le=32)
 
@@ -273,9 +280,36 @@ class Motion(Section):
         return self.model if self.model != "auto" else "screw-shift" if depth else "affine"
 
 
+class Trajectories(Section):
+    """Points followed along the flow, and the two-view geometry of objects through them."""
+
+    spacing: int = setting(12, "distance at which points start", "px", ge=2, le=256)
+    gaps: tuple[Annotated[int, Field(ge=1)], ...] = setting(
+        (2, 4, 8), "frames between the two of a pair", "frames", min_length=1
+    )
+
+
 class Affinity(Section):
     """Similarity of objects from the residuals of all pairs."""
 
+    cues: Literal["flow", "epipolar", "both"] = setting(
+        "flow",
+        "flow: residuals of the motion model; epipolar: of fundamental matrices through trajectories; both: fused",
+    )
+    fusion: Literal["sum", "coregularised"] = setting(
+        "sum",
+        "sum: of the affinities, sparsified; coregularised: embeddings drawn towards each other",
+        "",
+        ("cues", "both"),
+    )
+    columns: int = setting(
+        2,
+        "eigenvectors of each affinity that are co-regularised",
+        "",
+        ("fusion", "coregularised"),
+        ge=1,
+        le=64,
+    )
     kernel: Literal["inlier", "ordered", "ordered-weighted"] = setting(
         "inlier",
         "inlier: residuals below a factor; ordered: the paper's truncated ranks; or all lengths, 1 / t",
@@ -320,9 +354,17 @@ class Groups(Section):
     clear: float = setting(0.5, "excess of proposals that are never all dropped ...", "px", ge=0)
     clear_cells: float = setting(0.35, "... if they also reach this many largest cells", ge=0)
     top_fraction: float = setting(
-        0.6, "an object below this part of the strongest does not move ...", ge=0, le=1
+        0.5, "an object below this part of the strongest does not move ...", ge=0, le=1
     )
-    certain: float = setting(5.0, "... unless its excess is this many yardsticks", gt=0)
+    certain: float = setting(
+        12.0, "... unless its excess is this many yardsticks and above the largest cell", gt=0
+    )
+    coherent: float = setting(
+        1.5, "excess over what an object's own motion leaves, below which it is no evidence ...", ge=0
+    )
+    coherent_part: float = setting(
+        0.5, "... but no more than this part of what the strongest has", ge=0, le=1
+    )
     keep: float = setting(0.9, "the threshold stays below this part of the strongest", gt=0, le=1)
     visible: float = setting(
         1.5,
@@ -334,7 +376,7 @@ class Groups(Section):
     same: float = setting(
         0.05, "two movers move together if one motion for both costs less than this ...", "px", gt=0
     )
-    same_own: float = setting(0.8, "... plus this part of their own residual: limbs are not rigid", ge=0)
+    same_own: float = setting(0.65, "... plus this part of their own residual: limbs are not rigid", ge=0)
     share: float = setting(0.02, "pixels of the largest mover that make a group of its own", ge=0, le=1)
     frames: int = setting(2, "fewer pairs than this prove nothing", "pairs", ge=1)
     weak: float = setting(0.5, "part of the threshold above which a hidden thing may come back", ge=0, le=1)
@@ -386,6 +428,7 @@ class Settings(BaseModel):
     labels: Labels = Labels()
     statistics: Statistics = Statistics()
     motion: Motion = Motion()
+    trajectories: Trajectories = Trajectories()
     affinity: Affinity = Affinity()
     groups: Groups = Groups()
     masks: Masks = Masks()

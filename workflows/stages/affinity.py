@@ -3,29 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.grouping.affinity import accumulate, normalised
+from zsmoseg.grouping.fusion import fused
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.reading import Span, local_ids, overlapping, spans
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
+from zsmoseg.workflows.stages.epipolar import each_pair
 
 
 def task(task: Task) -> Left:
-    """Per shot ``agreement``, ``together``, ``affinity`` (object, object) and ``object`` (global ids)."""
+    """Per shot ``agreement``, ``together`` (cue, object, object), ``affinity`` (object, object), ``object`` (global ids)."""
     return Left(groups=_groups(task))
 
 
 def _groups(task: Task) -> Iterator[tuple[str, Mapping[str, NDArray[Any]]]]:
+    s = task.settings.affinity
     for span in spans(task.inputs["objects"]):
-        pairs = each_residual(task.inputs["residuals"], span)
-        agreement, together = accumulate(pairs, len(span.objects), task.settings.affinity)
-        affinity = normalised(agreement, together)
-        found = {"object": span.objects, "agreement": agreement, "together": together, "affinity": affinity}
-        yield span.name, found
+        views = [accumulate(pairs, len(span.objects), s) for pairs in _cues(task, span)]
+        affinities = [normalised(*view) for view in views]
+        one = len(views) == 1
+        yield (
+            span.name,
+            {
+                "object": span.objects,
+                "agreement": np.stack([agreement for agreement, _ in views]),
+                "together": np.stack([together for _, together in views]),
+                "affinity": affinities[0]
+                if one
+                else fused(affinities, s.columns if s.fusion == "coregularised" else None),
+            },
+        )
+
+
+def _cues(task: Task, span: Span) -> Iterator[Iterator[tuple[NDArray[np.int64], Any, Any]]]:
+    """The residuals of each cue that is wanted."""
+    cues = task.settings.affinity.cues
+    if cues != "epipolar":
+        yield each_residual(task.inputs["residuals"], span)
+    if cues != "flow":
+        yield each_pair(task.inputs["epipolar"], span)
 
 
 def each_residual(residuals: Artifact, span: Span) -> Iterator[tuple[NDArray[np.int64], Any, Any]]:
@@ -42,10 +64,12 @@ def each_residual(residuals: Artifact, span: Span) -> Iterator[tuple[NDArray[np.
 
 STAGE = Stage(
     "affinity",
-    1,
+    2,
     task,
     inputs={"residuals": ALL, "objects": ALL},
     sections=("affinity",),
     scope="video",
     cost=(0.1, 0.1),
 )
+WITH_EPIPOLAR = replace(STAGE, inputs={**STAGE.inputs, "epipolar": ALL})
+"""The same where ``affinity.cues`` asks for more than flow."""

@@ -140,7 +140,7 @@ def read_pieces(statistics: Artifact, span: Span) -> Pieces:
 
 STAGE = Stage(
     "groups",
-    1,
+    2,
     task,
     inputs={"affinity": ALL, "statistics": ALL, "labels": ALL, "objects": ALL},
     sections=("frames", "motion", "groups"),

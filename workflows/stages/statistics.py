@@ -25,13 +25,14 @@ def task(task: Task) -> Left:
     rows = len(ids) + s.cells_y * s.cells_x
     grams = np.zeros((task.last_pair - task.start, rows, SIZE, SIZE))
     valid = read_states(task.inputs["flow"], task.start, task.last_pair) == 0
-    flow = task.inputs["flow"].read("forward", task.start, task.last_pair)
+    flow, back = (task.inputs["flow"].read(n, task.start, task.last_pair) for n in ("forward", "backward"))
     depth = task.inputs["depth"]
     known = depth.read("inverse_depth", task.start, task.stop) if depth.has("inverse_depth") else None
     unexplained = np.zeros((len(grams), len(ids), 2))
     looks = [grey(frame) for frame in frames]
     for m in np.flatnonzero(valid):
-        grams[m] = pair_statistics(labels[m], ids, flow[m], None if known is None else known[m], ignore, s)
+        inverse_depth = None if known is None else known[m]
+        grams[m] = pair_statistics(labels[m], ids, flow[m], back[m], inverse_depth, ignore, s)
         world = world_motion(grams[m, 0], grams[m, : len(ids)].sum(0))
         slot = slots(labels[m], ids)
         if ignore is not None:
@@ -60,7 +61,7 @@ def shrink(labels: NDArray[np.uint16], height: int, width: int) -> NDArray[np.ui
 
 STAGE = Stage(
     "statistics",
-    1,
+    4,
     task,
     inputs={"frames": 1, "flow": 0, "depth": 0, "labels": 0},
     sections=("frames", "statistics", "ignore"),

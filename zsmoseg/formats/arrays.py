@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 import zipfile
 import zlib
 from pathlib import Path
@@ -50,7 +51,7 @@ def load(path: Path) -> dict[str, Array]:
 
 
 class Rows:
-    """A (T, ...) array in an .npy, or under ``key`` in an .npz.
+    """A (T, ...) array in an .npy, or under ``key`` in an .npz; the file is closed when this is forgotten.
 
     Attributes
     ----------
@@ -72,6 +73,7 @@ class Rows:
 
     def _open(self) -> None:
         archive = zipfile.ZipFile(self.path)
+        weakref.finalize(self, archive.close)
         self._stream: IO[bytes] = archive.open(f"{self.key}.npy")
         version = npy.read_magic(self._stream)
         head = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0

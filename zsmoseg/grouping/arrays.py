@@ -32,7 +32,7 @@ def shot_grams(
     for m in range(len(flow)):
         if valid is None or valid[m]:
             depth = None if inverse_depth is None else inverse_depth[m]
-            gram = pair_statistics(labels[m], ids, flow[m], depth, ignore, settings.statistics)
+            gram = pair_statistics(labels[m], ids, flow[m], None, depth, ignore, settings.statistics)
             out.append(PairGrams(m, ids, gram[: len(ids)], gram[len(ids) :]))
     return out
 

@@ -38,11 +38,14 @@ def decide(
 ) -> Decision:
     """The calibrated rule.
 
+    0. Evidence is what an object costs the static world beyond its own motion. Where that is no more than what its own
+       motion leaves of it, as in water, it is none: at least ``coherent`` times as much, or ``coherent_part`` of what
+       the strongest object has, whichever is less.
     1. The yardstick nu is the ``quantile`` of the cells' evidence, at least ``floor``; tau the strongest among the
        objects with ``significant`` of the largest object's pixels or more.
     2. Nothing moves if tau is below ``exist`` largest cells, unless the proposals are clear: above ``clear`` px and
        ``clear_cells`` largest cells.
-    3. Moving is what exceeds min(max(sqrt(nu tau), top_fraction tau), certain nu, keep tau).
+    3. Moving is what exceeds min(max(sqrt(nu tau), top_fraction tau), max(certain nu, largest cell), keep tau).
     4. What is static joins the world; once more from 1, ``rounds`` times in all.
 
     Parameters
@@ -57,12 +60,19 @@ def decide(
     significant[0] = False
     moving = np.zeros(count, np.bool_)
     decision = Decision(
-        moving, np.zeros(count), 0.0, 0.0, np.inf, ShotEvidence([], np.zeros(count), np.zeros(0))
+        moving,
+        np.zeros(count),
+        0.0,
+        0.0,
+        np.inf,
+        ShotEvidence([], np.zeros(count), np.zeros(count), np.zeros(0)),
     )
     for _ in range(s.rounds):
         found = shot_evidence(shot, count, model, static, s.noise_area)
+        counts = coherent(found, significant, s)
         if visible is not None:
-            found = replace(found, score=np.where(visible, found.score, 0.0))
+            counts &= visible
+        found = replace(found, score=np.where(counts, found.score, 0.0))
         largest = max(float(found.cells.max(initial=0.0)), s.floor)
         nu = max(float(np.quantile(found.cells, s.quantile)) if found.cells.size else 0.0, s.floor)
         tau = float(found.score[significant].max(initial=0.0))
@@ -75,6 +85,13 @@ def decide(
     return decision
 
 
+def coherent(found: ShotEvidence, significant: NDArray[np.bool_], s: settings.Groups) -> NDArray[np.bool_]:
+    """(N,) whether the evidence of an object is that of a motion: more than its own motion leaves of its flow."""
+    ratio = found.score / np.maximum(found.own, 1e-6)
+    strongest = int(np.where(significant, found.score, -1.0).argmax())
+    return np.asarray(ratio >= min(s.coherent, s.coherent_part * float(ratio[strongest])))
+
+
 def threshold_of(nu: float, largest: float, tau: float, s: settings.Groups) -> float:
     """The threshold in px for yardstick, largest cell and strongest object; infinite where nothing moves.
 
@@ -83,4 +100,5 @@ def threshold_of(nu: float, largest: float, tau: float, s: settings.Groups) -> f
     clear = tau >= s.clear and tau >= s.clear_cells * largest
     if s.count in ("auto", 1) and tau < s.exist * largest and not clear:
         return float("inf")
-    return min(max(float(np.sqrt(nu * tau)), s.top_fraction * tau), s.certain * nu, s.keep * tau)
+    weak = max(float(np.sqrt(nu * tau)), s.top_fraction * tau)
+    return min(weak, max(s.certain * nu, largest), s.keep * tau)

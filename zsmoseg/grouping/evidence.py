@@ -104,6 +104,8 @@ class ShotEvidence:
     pairs: list[PairEvidence]
     score: Floats
     """(N,) px: mean rms excess of every object, weighted by the root of its pixels; 0 where unseen."""
+    own: Floats
+    """(N,) px: mean of what its own motion leaves of its flow, root mean square, weighted alike."""
     cells: Floats
     """px: mean of every cell that is seen in a fifth of the pairs or more."""
 
@@ -113,15 +115,16 @@ def shot_evidence(
 ) -> ShotEvidence:
     """Evidence of all pairs, and its means; ``count`` objects by global id."""
     pairs = [e for g in shot() if (e := pair_evidence(g, model, static, noise_area)) is not None]
-    total, weight = np.zeros(count), np.zeros(count)
+    total, left, weight = np.zeros((3, count))
     for e in pairs:
         w = np.sqrt(e.pixels)
         total[e.ids] += w * e.excess
+        left[e.ids] += w * np.sqrt(e.own)
         weight[e.ids] += w
-    score = total / np.maximum(weight, 1e-12)
+    score, own = total / np.maximum(weight, 1e-12), left / np.maximum(weight, 1e-12)
     score[0] = 0.0
     if not pairs:
-        return ShotEvidence([], score, np.zeros(0))
+        return ShotEvidence([], score, own, np.zeros(0))
     cells = np.stack([e.cells for e in pairs])
     often = np.isfinite(cells).mean(0) >= 0.2
-    return ShotEvidence(pairs, score, np.nanmean(cells[:, often], 0) if often.any() else np.zeros(0))
+    return ShotEvidence(pairs, score, own, np.nanmean(cells[:, often], 0) if often.any() else np.zeros(0))

@@ -18,12 +18,17 @@ from zsmoseg.motion.loops import gram_matrices
 from zsmoseg.motion.models import Floats, coordinates, normalise
 
 UNUSED = -1
+FAR = 1e6
+"""px: no flow leads there."""
+MOST = 0.95
+"""Part of all objects' pixels from which on a lacking way back tells nothing of them: no flow closes on them."""
 
 
 def pair_statistics(
     label: NDArray[np.integer[Any]],
     ids: NDArray[np.int64],
     flow: NDArray[np.float32],
+    backward: NDArray[np.float32] | None,
     inverse_depth: NDArray[np.floating] | None,
     ignore: NDArray[np.bool_] | None,
     s: settings.Statistics,
@@ -34,7 +39,8 @@ def pair_statistics(
     ----------
     label : (h, w) object of every pixel on the working grid, 0 = background.
     ids : (slots,) the objects asked for, ascending, 0 first.
-    flow : (2, h, w) px.
+    flow : (2, h, w) px; NaN = unknown.
+    backward : (2, h, w) px, the flow back; None: the flow there is right everywhere.
     inverse_depth : (h, w), any positive scale; None: no depth, q = 0.
     ignore : (h, w) true where pixels count for nothing.
     s : the section ``statistics`` of the settings.
@@ -46,6 +52,11 @@ def pair_statistics(
     slot = slots(label, ids)
     used = slot.copy()
     used[without_borders(slot, s.border)] = UNUSED
+    if backward is not None:
+        lost, objects = unclosed(flow, backward, s.closure, s.closure_part), slot > 0
+        if np.count_nonzero(lost & objects) > MOST * np.count_nonzero(objects):
+            lost &= ~objects
+        used[lost] = UNUSED
     if ignore is not None:
         used[ignore] = UNUSED
     cells = cell_grid(label.shape, s.cells_y, s.cells_x)
@@ -86,3 +97,22 @@ def without_borders(slot: NDArray[np.int32], radius: int) -> NDArray[np.bool_]:
     before = np.bincount(compact.ravel())
     lost = np.bincount(compact[border], minlength=len(before))
     return np.asarray(border & (lost <= 0.75 * before)[compact])
+
+
+def unclosed(
+    flow: NDArray[np.float32], backward: NDArray[np.float32], closure: float, part: float
+) -> NDArray[np.bool_]:
+    """(h, w) true where the flow does not lead back: hidden in the next frame, or wrong, as beside a fast thing.
+
+    Parameters
+    ----------
+    flow, backward : (2, h, w) px.
+    closure, part : px, and part of the length of the flow, that it may miss its start by.
+    """
+    y, x = np.mgrid[: flow.shape[1], : flow.shape[2]].astype(np.float32)
+    to_x, to_y = x + np.nan_to_num(flow[0]), y + np.nan_to_num(flow[1])
+    back = [
+        cv2.remap(b, to_x, to_y, cv2.INTER_LINEAR, borderValue=FAR) for b in np.nan_to_num(backward, nan=FAR)
+    ]
+    missed = np.hypot(flow[0] + back[0], flow[1] + back[1])
+    return np.asarray(~(missed <= closure + part * np.hypot(*flow)))

@@ -1,0 +1,120 @@
+"""Points followed along dense flow, as long as the flow back agrees; new ones where none is left.
+
+Criterion of Sundaram, Brox, Keutzer, "Dense point trajectories by GPU-accelerated large displacement optical flow",
+ECCV 2010.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+Flow = NDArray[np.float32]
+Places = NDArray[np.float32]
+Ids = NDArray[np.int64]
+
+RELATIVE, ABSOLUTE = 0.01, 0.5
+"""There and back may miss by RELATIVE (|there|^2 + |back|^2) + ABSOLUTE px^2 (Sundaram, Brox, Keutzer)."""
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Where the tracks are: a row for each track and frame, by frame and then by track."""
+
+    track: Ids
+    """(rows,) number of the track, by its first frame."""
+    frame: Ids
+    """(rows,) ascending."""
+    place: Places
+    """(rows, 2) x, y px."""
+
+    def at(self, frame: int) -> slice:
+        """The rows of a frame."""
+        return slice(*np.searchsorted(self.frame, [frame, frame + 1]).tolist())
+
+    def both(self, first: int, second: int) -> tuple[Ids, Ids]:
+        """Rows of the tracks that are seen in both frames, in the one and in the other."""
+        a, b = self.at(first), self.at(second)
+        _, i, j = np.intersect1d(self.track[a], self.track[b], assume_unique=True, return_indices=True)
+        return i + a.start, j + b.start
+
+
+def follow(pairs: Iterable[tuple[Flow, Flow] | None], height: int, width: int, spacing: int) -> Tracks:
+    """Tracks through the frames that ``pairs`` join; one pair in memory at a time.
+
+    Parameters
+    ----------
+    pairs : per pair the flow forward and backward (2, h, w), x then y, px, NaN = unknown; None at a cut, where all
+        tracks end.
+    spacing : px; a track starts at the centre of each cell of this size that holds none.
+
+    Notes
+    -----
+    A track ends where it leaves the frame or there and back disagree. Of tracks that meet in one pixel the older
+    goes on.
+    """
+    grid = _centres(height, width, spacing)
+    track, place = np.arange(len(grid)), grid
+    found, last = [(track, place)], len(grid)
+    for pair in pairs:
+        if pair is None:
+            track, place = track[:0], place[:0]
+        else:
+            there, good = _step(place, *pair)
+            track, place = _unmet(track[good], there[good], width)
+        new = _lacking(grid, place, height, width, spacing)
+        track = np.concatenate([track, last + np.arange(len(new))])
+        place, last = np.concatenate([place, new]), last + len(new)
+        found.append((track, place))
+    frames = np.repeat(np.arange(len(found)), [len(t) for t, _ in found])
+    return Tracks(np.concatenate([t for t, _ in found]), frames, np.concatenate([p for _, p in found]))
+
+
+def look_up(label: NDArray[np.integer[Any]], place: Places) -> Ids:
+    """The label (h, w) of the pixel nearest to each place (rows, 2)."""
+    x, y = np.rint(place).astype(np.int64).T
+    height, width = label.shape
+    return np.asarray(label[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)], np.int64)
+
+
+def _step(place: Places, forward: Flow, backward: Flow) -> tuple[Places, NDArray[np.bool_]]:
+    """Where the points are in the next frame, and whether to believe it."""
+    there = _sample(forward, place)
+    end = place + there
+    height, width = forward.shape[1:]
+    x, y = end.T
+    inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    back = _sample(backward, np.where(inside[:, None], end, 0))
+    miss = ((there + back) ** 2).sum(1)
+    return end, inside & (miss <= RELATIVE * ((there**2).sum(1) + (back**2).sum(1)) + ABSOLUTE)
+
+
+def _sample(flow: Flow, place: Places) -> Places:
+    """Bilinear, (rows, 2); NaN where a neighbour is."""
+    at = place.T[::-1]
+    return np.stack([map_coordinates(f, at, order=1, mode="nearest") for f in flow], axis=1)
+
+
+def _unmet(track: Ids, place: Places, width: int) -> tuple[Ids, Places]:
+    pixel = np.rint(place).astype(np.int64) @ [1, width]
+    keep = np.sort(np.unique(pixel, return_index=True)[1])
+    return track[keep], place[keep]
+
+
+def _centres(height: int, width: int, spacing: int) -> Places:
+    """One in each cell, in the order of the cells; in a cell that the border cuts, within the frame."""
+    y, x = (np.minimum(np.arange(0, n, spacing) + spacing // 2, n - 1) for n in (height, width))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float32)
+
+
+def _lacking(grid: Places, place: Places, height: int, width: int, spacing: int) -> Places:
+    """The centres of the cells without a point."""
+    columns = -(-width // spacing)
+    cell = (place // spacing).astype(np.int64) @ [1, columns]
+    free: NDArray[np.bool_] = np.bincount(cell, minlength=len(grid)) == 0
+    return np.asarray(grid[free])
