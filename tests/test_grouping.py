@@ -11,8 +11,8 @@ import pytest
 from zsmoseg.grouping.affinity import UNKNOWN, accumulate, normalised
 from zsmoseg.grouping.arrays import group_arrays, shot_grams
 from zsmoseg.grouping.clustering import average_linkage, by_weight, k_means, spectral
-from zsmoseg.grouping.decision import threshold_of
-from zsmoseg.grouping.evidence import PairGrams, pair_evidence
+from zsmoseg.grouping.decision import coherent, threshold_of
+from zsmoseg.grouping.evidence import PairGrams, ShotEvidence, pair_evidence
 from zsmoseg.grouping.groups import ShotGroups
 from zsmoseg.grouping.kernels import inlier, ordered, ordered_weighted
 from zsmoseg.grouping.state import hysteresis, median_filter
@@ -167,11 +167,27 @@ def test_threshold_is_bounded_by_its_terms() -> None:
     s = resolve().groups
     assert threshold_of(0.1, 0.3, 0.2, s) == np.inf, "weaker than the background's own pieces"
     assert threshold_of(0.2, 0.3, 10.0, s) == pytest.approx(s.certain * 0.2), "certainly moving"
+    assert threshold_of(0.2, 3.0, 10.0, s) == pytest.approx(3.0), "never below what the background costs"
     assert threshold_of(1.0, 1.0, 1.5, s) == pytest.approx(np.sqrt(1.5)), "half way"
     assert threshold_of(2.0, 2.0, 2.0, s) == pytest.approx(s.keep * 2.0), "the strongest stays"
     assert threshold_of(1.0, 3.0, 2.0, s) < 2.0, "clear proposals are not all dropped"
     two = resolve(overrides={"groups.count": 2}).groups
     assert threshold_of(0.1, 0.3, 0.2, two) < 0.2, "who asks for two groups says that something moves"
+
+
+def evidence_of(score: list[float], own: list[float]) -> ShotEvidence:
+    return ShotEvidence([], np.array(score), np.array(own), np.zeros(0))
+
+
+def test_what_its_own_motion_explains_no_better_is_no_evidence_beside_what_is_coherent() -> None:
+    s, big = resolve().groups, np.array([False, True, True, False])
+    assert coherent(evidence_of([0, 6, 2, 3], [1, 1, 2, 2.5]), big, s).tolist() == [False, True, False, False]
+    assert coherent(evidence_of([0, 6, 2, 3.8], [1, 1, 1.2, 2.5]), big, s)[1:].all()
+
+
+def test_the_strongest_keeps_its_evidence_however_little_it_is_coherent() -> None:
+    s, big = resolve().groups, np.array([False, True, True])
+    assert coherent(evidence_of([0, 1.0, 0.4], [1, 1.2, 1.2]), big, s).tolist() == [False, True, False]
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1, 0.3])

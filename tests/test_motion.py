@@ -11,7 +11,7 @@ from zsmoseg.motion.fit import fit
 from zsmoseg.motion.loops import gram_matrices
 from zsmoseg.motion.models import BASIS, MODELS, coordinates, design, normalise
 from zsmoseg.motion.residuals import merge_costs, pair_residuals
-from zsmoseg.motion.statistics import cell_grid, pair_statistics, slots, without_borders
+from zsmoseg.motion.statistics import cell_grid, pair_statistics, slots, unclosed, without_borders
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import Motion, rigid_flow
 
@@ -193,6 +193,36 @@ def test_borders_are_left_out_but_thin_objects_keep_their_pixels() -> None:
     assert not border[6:24, 6:24].any()
     assert not border[30:32].any()
     assert not without_borders(slot, 0).any()
+
+
+def test_flow_that_does_not_lead_back_or_leads_out_is_no_flow() -> None:
+    flow = np.zeros((2, 30, 40), np.float32)
+    flow[0] = 3.0
+    back = -flow
+    back[:, 10:15] = 0.0
+    lost = unclosed(flow, back, 0.5, 0.05)
+    assert lost[10:15].all()
+    assert lost[:, 37:].all(), "what leaves the frame has no way back"
+    rest = np.delete(lost, np.s_[10:15], axis=0)
+    assert not rest[:, :36].any()
+    flow[:, 20, 20] = np.nan
+    assert unclosed(flow, back, 0.5, 0.05)[20, 20]
+    back[0] += 0.6
+    assert not unclosed(flow, back, 0.5, 0.05)[2, 2], "half a pixel and a part of the length"
+    assert unclosed(flow, back, 0.5, 0.0)[2, 2]
+
+
+def test_statistics_leave_out_flow_that_does_not_close_unless_it_closes_on_no_object() -> None:
+    label = np.zeros(SHAPE, np.uint16)
+    label[10:30, 10:40], label[35:55, 50:80] = 1, 2
+    flow = np.zeros((2, *SHAPE), np.float32)
+    back = flow.copy()
+    back[0, 10:20, 10:40] = 9.0
+    count = pair_statistics(label, ids_of(label), flow, back, None, None, PLAIN)[:3, 0, 0]
+    assert count.tolist() == [60 * 90 - 1200, 300, 600]
+    back[0, label > 0] = 9.0
+    count = pair_statistics(label, ids_of(label), flow, back, None, None, PLAIN)[:3, 0, 0]
+    assert count.tolist() == [60 * 90 - 1200, 600, 600]
 
 
 def test_without_depth_the_inverse_depth_is_nothing() -> None:

@@ -357,7 +357,7 @@ class Groups(Section):
         0.5, "an object below this part of the strongest does not move ...", ge=0, le=1
     )
     certain: float = setting(
-        12.0, "... unless its excess is this many yardsticks and above the largest cell", gt=0
+        10.0, "... unless its excess is this many yardsticks and above the largest cell", gt=0
     )
     coherent: float = setting(
         1.5, "excess over what an object's own motion leaves, below which it is no evidence ...", ge=0

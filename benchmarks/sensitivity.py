@@ -1,0 +1,125 @@
+"""What the decision is worth on given proposals, and what halving or doubling each of its constants costs.
+
+    zsmoseg import DAVIS/JPEGImages/480p --proposals PROPOSALS --depth DEPTH --depth-is inverse-depth --store STORE
+    python benchmarks/sensitivity.py DAVIS STORE [table|sensitivity]
+
+J: mean over the frames but the first and the last; Pu, Ru, Fu of all moving groups as one. ``bound``: the best choice
+of objects, by falling precision; ``kept``: all of them. Of the ten sequences of the findings.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from zsmoseg.settings import Settings, defaults, resolve
+from zsmoseg.stores.artifact import Artifact
+from zsmoseg.workflows.run import Request, run
+
+TEN = (
+    "blackswan bmx-trees car-shadow dog drift-straight goat horsejump-high libby motocross-jump scooter-black"
+).split()
+CAPPED = {"quantile", "keep", "top_fraction", "colour", "overlap", "coherent_part"}
+"""Shares: doubled, but at most 1."""
+
+
+def overlaps(labels: Artifact, truth: Path) -> np.ndarray:
+    """(frames, objects, 2) pixels of the background and of the annotated object."""
+    files = sorted(truth.glob("*.png"))
+    tables = []
+    for t, file in enumerate(files):
+        mask = (np.asarray(Image.open(file)) > 0).astype(np.int64)
+        code = labels.read("label", t, t + 1)[0].astype(np.int64) * 2 + mask
+        tables.append(np.bincount(code.ravel()))
+    rows = max(len(table) for table in tables)
+    rows += rows % 2
+    return np.stack([np.pad(table, (0, rows - len(table))).reshape(-1, 2) for table in tables])
+
+
+def score(table: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """J, Pu, Ru, Fu of the objects ``moving``."""
+    chosen = table[:, np.pad(moving, (0, table.shape[1]))[: table.shape[1]]]
+    hit, found, truth = chosen[..., 1].sum(1), chosen.sum((1, 2)), table[..., 1].sum(1)
+    union = found + truth - hit
+    j = np.where(union > 0, hit / np.maximum(union, 1), 1.0)[1:-1].mean()
+    p, r = hit.sum() / max(found.sum(), 1), hit.sum() / max(truth.sum(), 1)
+    return 100 * np.array([j, p, r, 2 * p * r / max(p + r, 1e-10)])
+
+
+def bound(table: np.ndarray) -> np.ndarray:
+    """The best choice of whole objects."""
+    total = table.sum(0)
+    order = np.argsort(-total[1:, 1] / np.maximum(total[1:].sum(1), 1), kind="stable") + 1
+    masks = (np.isin(np.arange(len(total)), order[:k]) for k in range(1, len(order) + 1))
+    return max((score(table, mask) for mask in masks), key=lambda s: s[3], default=np.zeros(4))
+
+
+class Bench:
+    """The ten sequences with the proposals that a store was given."""
+
+    def __init__(self, davis: Path, store: Path) -> None:
+        self.davis, self.store = davis, store
+        self.tables: dict[str, np.ndarray] = {}
+
+    def scores(self, settings: dict[str, Any]) -> tuple[np.ndarray, list[int]]:
+        """(sequences, 4) scores and the number of groups of each."""
+        sources = [str(self.davis / "JPEGImages/480p" / name) for name in TEN]
+        chosen = resolve(overrides={"overlay.write": False, **settings})
+        report = run(Request(sources, Path("unused"), self.store, chosen, "serial", until=["groups"]))
+        rows, groups = [], []
+        for plan in report.plans:
+            labels, found = (plan.stages[n].artifact for n in ("labels", "groups"))
+            assert labels is not None
+            assert found is not None
+            if plan.name not in self.tables:
+                self.tables[plan.name] = overlaps(labels, self.davis / "Annotations/480p" / plan.name)
+            group = found.read_table(0)["group"]
+            rows.append(score(self.tables[plan.name], group > 0))
+            groups.append(len(np.unique(np.append(group, 0))))
+        return np.array(rows), groups
+
+
+def others(name: str) -> list[float]:
+    """Half and twice the default of a constant, within its range."""
+    value, field = defaults()[f"groups.{name}"], type(Settings().groups).model_json_schema()["properties"][name]
+    kind = int if field.get("type") == "integer" else float
+    found = [kind(value / 2), min(value * 2, 1.0) if name in CAPPED else value * 2]
+    return [v for v in dict.fromkeys(found) if v != value and v >= field.get("minimum", 0)]
+
+
+def constants() -> list[str]:
+    """The numbers that the default rule reads."""
+    groups = Settings().groups
+    numbers = [n for n, v in groups if isinstance(v, int | float) and not isinstance(v, bool)]
+    return [n for n in numbers if groups.acts(n) and not n.startswith("state_")]
+
+
+def main() -> None:
+    """Print the table, or the sensitivity."""
+    bench = Bench(Path(sys.argv[1]), Path(sys.argv[2]))
+    rows, groups = bench.scores({})
+    what = sys.argv[3] if len(sys.argv) > 3 else "table"
+    if what == "table":
+        for name, row, count in zip(TEN, rows, groups, strict=True):
+            print(f"{name:<16} " + " ".join(f"{v:6.1f}" for v in row) + f" {count}")
+        everything = [score(t, np.arange(t.shape[1]) > 0) for t in bench.tables.values()]
+        best = [bound(t) for t in bench.tables.values()]
+        for title, values in (("decided", rows), ("bound", best), ("kept", everything)):
+            print(f"{title:<16} " + " ".join(f"{v:6.1f}" for v in np.mean(values, axis=0)))
+        return
+    base = rows.mean(0)
+    print(f"default: J {base[0]:.1f} Fu {base[3]:.1f}")
+    for name in constants():
+        told = []
+        for value in others(name):
+            mean = bench.scores({f"groups.{name}": value})[0].mean(0)
+            told.append(f"{value:g}: {mean[3]:.1f} ({mean[3] - base[3]:+.1f})")
+        print(f"{name:<14} {defaults()[f'groups.{name}']:<6g} " + "   ".join(told), flush=True)
+
+
+if __name__ == "__main__":
+    main()
