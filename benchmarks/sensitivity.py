@@ -20,9 +20,7 @@ from zsmoseg.settings import Settings, defaults, resolve
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.run import Request, run
 
-TEN = (
-    "blackswan bmx-trees car-shadow dog drift-straight goat horsejump-high libby motocross-jump scooter-black"
-).split()
+TEN = ["blackswan", "bmx-trees", "car-shadow", "dog", "drift-straight", "goat", "horsejump-high", "libby", "motocross-jump", "scooter-black"]
 CAPPED = {"quantile", "keep", "top_fraction", "colour", "overlap", "coherent_part"}
 """Shares: doubled, but at most 1."""
 

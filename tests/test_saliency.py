@@ -10,7 +10,6 @@ from scipy.sparse.csgraph import bellman_ford
 
 from zsmoseg import flow, saliency, spacetime, superpixels, tables
 from zsmoseg.settings import Flow, Objects, Segments, Tables
-from zsmoseg.tracking import Tracker
 
 S = Objects()
 
@@ -209,14 +208,3 @@ def test_links_and_neighbours_weigh_less_the_more_their_colours_differ():
     i, j = w.edge[spacetime.colour_distance(w, w.edge).argmax()]
     a, b = w.edge[spacetime.colour_distance(w, w.edge).argmin()]
     assert weight[i, j] / alike[i, j] < weight[a, b] / alike[a, b]
-
-
-def test_ids_follow_the_largest_overlap_and_go_to_one_piece_only():
-    tracker = Tracker(smallest=2.0)
-    row = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [4, 5]])
-    none, size = np.zeros((0, 2), np.int64), np.array([3.0, 3, 3, 3, 3, 1])
-    first = tracker.step(np.array([1, 1, 0, 1, 0, 1], bool), size, row, none, np.zeros(0))
-    assert first.tolist() == [1, 1, 0, 2, 0, 0]
-    link = np.array([[0, 0], [1, 2], [3, 4]])
-    second = tracker.step(np.array([1, 0, 1, 0, 1, 0], bool), size, row, link, np.array([1.0, 5.0, 2.0]))
-    assert second.tolist() == [3, 0, 1, 0, 2, 0]

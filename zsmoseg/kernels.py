@@ -3,6 +3,7 @@
 # mypy: disable-error-code="untyped-decorator, assignment, operator"
 from __future__ import annotations
 
+import heapq
 from typing import Any
 
 import numba as nb
@@ -390,3 +391,57 @@ def conjugate_gradients(
             step[i, 0] = rest[i, 0] / diagonal[i] + h0 * step[i, 0]
             step[i, 1] = rest[i, 1] / diagonal[i] + h1 * step[i, 1]
     return z
+
+
+@nb.njit(cache=True)
+def contract(pair: Array, pull: Array, parts: int) -> Array:
+    """(parts) part that a part is joined to, itself where none: greedy additive edge contraction.
+
+    The ties of a part are a linked list of their ends (2 tie + side); ``tie_of`` finds the tie of two parts. What is
+    out of date in the queue is skipped: its tie has another value or other ends, -1 where it is gone.
+    """
+    value, end, into = pull.copy(), pair.copy(), np.arange(parts)
+    head, following = np.full(parts, -1), np.full(2 * len(pull), -1)
+    degree = np.zeros(parts, np.int64)
+    tie_of = {}
+    queue = [(0.0, 0, 0, 0)]
+    queue.clear()
+    for tie in range(len(pull)):
+        tie_of[end[tie].min() * parts + end[tie].max()] = tie
+        for side in range(2):
+            part = end[tie, side]
+            following[2 * tie + side], head[part] = head[part], 2 * tie + side
+            degree[part] += 1
+        if value[tie] > 0:
+            queue.append((-value[tie], end[tie].min(), end[tie].max(), tie))
+    heapq.heapify(queue)
+    while len(queue) > 0:
+        cost, p, q, strongest = heapq.heappop(queue)
+        if end[strongest].min() != p or end[strongest].max() != q or value[strongest] != -cost:
+            continue
+        if degree[p] < degree[q]:
+            p, q = q, p
+        into[q] = p
+        end[strongest] = -1
+        degree[p] -= 1
+        half = head[q]
+        while half >= 0:
+            after, tie, side = following[half], half // 2, half % 2
+            if end[tie, 0] >= 0:
+                r = end[tie, 1 - side]
+                key = min(p, r) * parts + max(p, r)
+                if key in tie_of:
+                    kept = tie_of[key]
+                    value[kept] += value[tie]
+                    end[tie] = -1
+                    degree[r] -= 1
+                else:
+                    kept = tie
+                    tie_of[key] = tie
+                    end[tie, side] = p
+                    following[half], head[p] = head[p], half
+                    degree[p] += 1
+                if value[kept] > 0:
+                    heapq.heappush(queue, (-value[kept], min(p, r), max(p, r), kept))
+            half = after
+    return into

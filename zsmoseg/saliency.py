@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from zsmoseg import kernels, settings
 from zsmoseg.appearance import vote
+from zsmoseg.layers import layers
 from zsmoseg.spacetime import (
     CHANGE,
     ERROR,
     Floats,
+    Ints,
     Window,
     diffuse,
     from_border,
@@ -26,7 +28,7 @@ from zsmoseg.spacetime import (
     windowed,
 )
 from zsmoseg.tables import ChunkTables
-from zsmoseg.tracking import Ids, Tracker
+from zsmoseg.tracking import Ids, Tracker, pieces
 
 LENGTH = 160
 """Frames that are decided on at once."""
@@ -65,28 +67,27 @@ def find_objects(
         0: nothing moves by itself, to 1: something surely does.
     """
     start, stop = shot
-    tracker = Tracker(s.smallest * shape[0] * shape[1])
+    tracker = Tracker()
     margin = s.window + MARGIN
     for first in range(start, stop, LENGTH):
-        low, high = max(first - margin, start), min(first + LENGTH + margin, stop)
+        last = min(first + LENGTH, stop)
+        low, high = max(first - margin, start), min(last + margin, stop)
         w = window(load(low, high), low - start, shape)
         verdict = judge(w, s)
-        for t in range(first - low, min(first + LENGTH, stop) - low):
-            yield (
-                verdict.value[w.of(t)].astype(np.float32),
-                _name(tracker, w, verdict, t, s),
-                verdict.score[t],
-            )
+        layer = _layers(w, verdict, s)
+        known, named = w.offset[[first - low, last - low]]
+        ids = tracker.name(layer[:named], w.size[:named], int(known))
+        for t in range(first - low, last - low):
+            here = w.of(t)
+            value = verdict.value[here].astype(np.float32)
+            yield value, ids[here.start - known : here.stop - known], verdict.score[t]
 
 
-def _name(tracker: Tracker, w: Window, verdict: Verdict, t: int, s: settings.Objects) -> Ids:
-    """Objects of one frame of a window."""
-    edges = slice(*w.edge_offset[t : t + 2])
-    links = slice(*w.link_offset[t - 1 : t + 1]) if t else slice(0, 0)
-    edge = w.edge[edges] - w.offset[t]
-    link = w.link[links] - w.offset[[max(t - 1, 0), t]]
-    foreground = (verdict.value[w.of(t)] > 0) & (verdict.score[t] >= s.score)
-    return tracker.step(foreground, w.size[w.of(t)], edge, link, w.carried[links])
+def _layers(w: Window, verdict: Verdict, s: settings.Objects) -> Ints:
+    """(nodes) layer, or ``NONE``."""
+    foreground = (verdict.value > 0) & (verdict.score >= s.score)[w.frame]
+    smallest = s.smallest * w.shape[0] * w.shape[1]
+    return pieces(foreground, layers(w, foreground, s), w.size, w.edge, smallest)
 
 
 @dataclass(frozen=True)

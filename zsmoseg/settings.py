@@ -230,6 +230,14 @@ class Objects(Section):
     vote_colour: float = setting(4.0, "cell of the colour vote", "Lab", gt=0)
     vote_place: float = setting(0.1, "cell of the colour vote, share of the width", gt=0)
     vote_frames: float = setting(20.0, "cell of the colour vote", "frames", gt=0)
+    part_ratio: float = setting(
+        2.5, "step of the flow over the median in the frame's foreground at which neighbours move apart", gt=0
+    )
+    part_least: float = setting(1.0, "steps below this never part neighbours", "px", gt=0)
+    part_link: float = setting(0.25, "pull of a pixel that the flow carries on, over one of a boundary", ge=0)
+    part_share: float = setting(
+        0.05, "smallest part of a thing that is an object of its own, over the largest beside it", ge=0, le=1
+    )
     smallest: float = setting(0.0005, "smallest piece, share of the frame", ge=0, lt=1)
 
 
@@ -354,7 +362,7 @@ class Groups(Section):
     clear: float = setting(0.5, "excess of proposals that are never all dropped ...", "px", ge=0)
     clear_cells: float = setting(0.35, "... if they also reach this many largest cells", ge=0)
     top_fraction: float = setting(
-        0.5, "an object below this part of the strongest does not move ...", ge=0, le=1
+        0.55, "an object below this part of the strongest does not move ...", ge=0, le=1
     )
     certain: float = setting(
         10.0, "... unless its excess is this many yardsticks and above the largest cell", gt=0

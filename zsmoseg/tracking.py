@@ -1,4 +1,4 @@
-"""Ids for the pieces of the foreground: connected in the frame, handed on from frame to frame along the flow."""
+"""Ids for the foreground: one for each layer, handed on from window to window by the frames they share."""
 
 from __future__ import annotations
 
@@ -12,59 +12,75 @@ from scipy.sparse.csgraph import connected_components
 from zsmoseg.spacetime import Floats, Ints
 
 Ids = NDArray[np.int32]
+NONE = -1
+"""Layer of what is no object."""
 
 
 @dataclass
 class Tracker:
-    """Names the pieces of the frames of a shot, which must come in order."""
+    """Names the layers of the windows of a shot, which must come in order."""
 
-    smallest: float
-    """Area below which a piece is dropped, px."""
     ids: Ids = field(default_factory=lambda: np.zeros(0, np.int32))
-    """(nodes) object of each node of the frame before, 0 = none."""
+    """(nodes) object of each node of the frames named last, 0 = none."""
     last: int = 0
     """Largest id given so far."""
 
-    def step(
-        self, foreground: NDArray[np.bool_], size: Floats, edge: Ints, link: Ints, carried: Floats
-    ) -> Ids:
-        """Objects of the next frame.
+    def name(self, layer: Ints, size: Floats, known: int) -> Ids:
+        """Objects of the next nodes.
 
-        A piece takes the id of the piece before that hands on the most pixels to it; an id goes to one piece only.
+        A layer takes the id that it shares the most pixels with where both are known; an id goes to one layer only.
+        Others get new ids, in the order in which they appear.
 
         Parameters
         ----------
-        foreground, size
-            (nodes) which superpixels are foreground, and their areas in px.
-        edge
-            (edges, 2) superpixels of the frame that touch.
-        link, carried
-            (links, 2) superpixel of the frame before and of this one, and (links) the weight of that link.
+        layer, size
+            (nodes) layer or ``NONE``, and px: of the last ``known`` nodes that have been named, then of new ones.
         """
-        piece = components(foreground, edge)
-        area = np.bincount(piece[foreground], size[foreground], len(size))
-        good = foreground & (area[piece] >= self.smallest)
-        name = np.zeros(len(size), np.int32)
-        for before, now in self._by_overlap(piece, good, link, carried):
-            if name[now] == 0 and before not in name:
-                name[now] = before
-        for new in np.unique(piece[good]):
-            if name[new] == 0:
+        before, then, now = self.ids[len(self.ids) - known :], layer[:known], layer[known:]
+        given: dict[int, int] = {NONE: 0}
+        for old, new in _by_overlap(before, then, size[:known]):
+            if new not in given and old not in given.values():
+                given[new] = old
+        found, first = np.unique(now, return_index=True)
+        for new in found[np.argsort(first)].tolist():
+            if new not in given:
                 self.last += 1
-                name[new] = self.last
-        self.ids = np.where(good, name[piece], 0).astype(np.int32)
-        return self.ids
+                given[new] = self.last
+        name = np.array([given[new] for new in found.tolist()], np.int32)
+        self.ids = np.concatenate([before, name[np.searchsorted(found, now)]])
+        return self.ids[known:]
 
-    def _by_overlap(
-        self, piece: Ints, good: NDArray[np.bool_], link: Ints, carried: Floats
-    ) -> NDArray[np.int64]:
-        """(pairs, 2) id before and piece now of all that overlap, the largest overlap first."""
-        i, j = link.T
-        keep = (self.ids[i] > 0) & good[j] if len(link) else np.zeros(0, np.bool_)
-        pairs = np.stack([self.ids[i[keep]].astype(np.int64), piece[j[keep]]], 1)
-        pairs, row = np.unique(pairs, axis=0, return_inverse=True)
-        overlap = np.bincount(row.ravel(), carried[keep], len(pairs))
-        return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0], -overlap))])
+
+def _by_overlap(before: Ids, layer: Ints, size: Floats) -> list[tuple[int, int]]:
+    """Id and layer of all that overlap, the largest overlap first."""
+    both = (before > 0) & (layer != NONE)
+    pairs, row = np.unique(np.stack([before[both], layer[both]], 1), axis=0, return_inverse=True)
+    overlap = np.bincount(row.ravel(), size[both], len(pairs))
+    order = np.lexsort((pairs[:, 1], pairs[:, 0], -overlap))
+    return [(int(old), int(new)) for old, new in pairs[order]]
+
+
+def pieces(foreground: NDArray[np.bool_], layer: Ints, size: Floats, edge: Ints, smallest: float) -> Ints:
+    """(nodes) the layer of what is large enough, else ``NONE``.
+
+    Connected foreground of less than ``smallest`` px is dropped. A layer with less than that in a larger one
+    is named like the largest layer there, so no foreground is lost.
+
+    Parameters
+    ----------
+    foreground, layer, size
+        (nodes) whether foreground, layer, px.
+    edge
+        (edges, 2) nodes of one frame that touch.
+    """
+    body = components(foreground, edge)
+    key, part = np.unique(body * len(body) + layer, return_inverse=True)
+    area = np.bincount(part, size, len(key))
+    order = np.argsort(area, kind="stable")
+    largest = np.zeros(len(body), np.int64)
+    largest[key[order] // len(body)] = key[order] % len(body)  # the last one put in a place stays
+    kept = np.where(area[part] < smallest, largest[body], layer)
+    return np.where(foreground & (np.bincount(body, size)[body] >= smallest), kept, NONE)
 
 
 def components(foreground: NDArray[np.bool_], edge: Ints) -> Ints:

@@ -72,7 +72,7 @@ def read_frame_objects(objects: Artifact, frame: int) -> tuple[NDArray[np.float3
 
 STAGE = Stage(
     "objects",
-    1,
+    2,
     task,
     inputs={"tables": ALL, "flow": ALL},
     sections=("frames", "objects"),
