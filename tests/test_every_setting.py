@@ -86,7 +86,7 @@ SETUP: dict[str, dict[str, Any]] = {
     "groups.significant": {**STRICT, "video.start": "4f"},
     "groups.coherent_part": {"groups.coherent": 1000.0},
     "groups.colour": {"groups.coherent": 1000.0},
-    "groups.gap": {"groups.coherent": 1000.0},
+    "groups.gap": {"groups.frames": 8, "groups.top_fraction": 0.3},
     "groups.equal": {"affinity.factor": 4.0},
     "groups.same": {"groups.same_own": 0.0},
     "objects.clean_power": DEMANDING,

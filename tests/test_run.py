@@ -114,7 +114,7 @@ def test_going_back_to_old_settings_repaints_only(clip: Path, tmp_path: Path) ->
 
 
 def test_until_stops_after_a_stage_and_the_next_run_goes_on(clip: Path, tmp_path: Path) -> None:
-    _, first = segment(clip, tmp_path, until="flow")
+    _, first = segment(clip, tmp_path, until=["flow"])
     assert first.stages == {"frames", "flow"}
     assert not (tmp_path / "out").exists()
     _, second = segment(clip, tmp_path)

@@ -146,7 +146,7 @@ def absorb(part: Ints, ties: Ties, size: Floats, share: float) -> Ints:
             or pixels >= share * max(total[q] for q in pulls[p])
         ):
             continue
-        best = max(pulls[p], key=lambda q: (pulls[p][q] / contacts[p][q], -q))
+        best = max(pulls[p], key=lambda q: (pulls[p][q] / max(contacts[p][q], 1e-9), -q))
         into[p] = best
         total[best] += pixels
         _merge(pulls, best, p)

@@ -234,7 +234,7 @@ class Objects(Section):
         2.5, "step of the flow over the median in the frame's foreground at which neighbours move apart", gt=0
     )
     part_least: float = setting(1.0, "steps below this never part neighbours", "px", gt=0)
-    part_link: float = setting(0.25, "pull of a pixel that the flow carries on, over one of a boundary", ge=0)
+    part_link: float = setting(0.25, "pull of a pixel that the flow carries on, over one of a boundary", gt=0)
     part_share: float = setting(
         0.05, "smallest part of a thing that is an object of its own, over the largest beside it", ge=0, le=1
     )
