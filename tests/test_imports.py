@@ -233,6 +233,36 @@ def test_every_setting_of_imports_changes_the_objects(
     assert tables["object"].tolist() != now["object"].tolist()
 
 
+def test_files_that_changed_after_an_import_are_not_read_under_its_key(
+    brought: Path, truth: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_masks(tmp_path / "masks" / "disc", truth)
+    common = [str(brought / "disc"), "--scheduler", "serial", "--store", str(tmp_path / "store")]
+    assert main(["import", *common, "--proposals", str(tmp_path / "masks")]) == 0
+    (folder / "00002.png").write_bytes(encode_png(truth[3]))
+    assert main(["run", *common, "-o", str(tmp_path / "out")]) == 0, "what is in the store needs no files"
+    capsys.readouterr()
+    again = ["run", *common, "-o", str(tmp_path / "out"), "--from", "proposals"]
+    assert main(again) == 2
+    assert "has changed since it was imported" in capsys.readouterr().err
+    (record,) = (tmp_path / "store").glob("disc-*/imports.json")
+    record.write_text("{")
+    assert main(again[:-2]) == 2
+    assert "imports.json: is damaged" in capsys.readouterr().err
+
+
+def test_ids_too_sparse_for_tables_are_numbered_and_told(
+    brought: Path, truth: np.ndarray, tmp_path: Path
+) -> None:
+    sparse = np.select([truth == 7, truth == 3], [40000, 9], 0).astype(np.uint16)
+    path = write_masks(tmp_path / "masks", sparse)
+    report, _ = segment(brought / "disc", tmp_path, {"proposals.path": str(path)})
+    objects = result_of(report, tmp_path).objects
+    assert objects["origin"].tolist() == [0, 9, 40000]
+    assert objects["object"].tolist() == [0, 1, 2]
+    assert objects["group"].tolist() == [0, 0, 1]
+
+
 # ------------------------------------------------------------------ what bad files get
 def bad(settings: dict[str, Any], brought: Path, root: Path) -> str:
     with pytest.raises((FormatError, SettingsError)) as error:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from zsmoseg import settings as sections
 from zsmoseg.depth import relative
-from zsmoseg.errors import FormatError, SettingsError
+from zsmoseg.errors import FormatError, SettingsError, StoreError
 from zsmoseg.flow import inverted, resized
 from zsmoseg.formats.depth import DepthSource, inverse_depth, open_depth
 from zsmoseg.formats.flow import FlowSource, open_flow
@@ -43,9 +43,20 @@ class Brought:
 
 
 def brought_before(store: Store, video: str) -> dict[str, Brought]:
-    """What ``zsmoseg import`` brought for a video of the store, by kind."""
-    found = read_record(store.video(video).path / RECORD) or {}
-    return {name: Brought(**entry) for name, entry in found.items()}
+    """What ``zsmoseg import`` brought for a video of the store, by kind.
+
+    Raises
+    ------
+    StoreError
+        The record of it is damaged: without it other cues would be used.
+    """
+    path = store.video(video).path / RECORD
+    found = read_record(path)
+    if found is None and path.exists():
+        raise StoreError(
+            f"{path}: is damaged; zsmoseg import again what you had imported, or remove the file"
+        )
+    return {name: Brought(**entry) for name, entry in (found or {}).items()}
 
 
 def remember(store: Store, video: str, brought: Mapping[str, Brought]) -> None:
@@ -199,14 +210,18 @@ def depth_of(
         yield relative(inverse_depth(values, s.kind), grid)
 
 
-def check(kind: str, section: Any, probe: Probe, grid: tuple[int, int]) -> None:
-    """Read all that a cue needs of its files, so that nothing is imported in part.
+def check(
+    store: Store, kind: str, brought: Brought, section: Any, probe: Probe, grid: tuple[int, int]
+) -> None:
+    """Read all that a cue needs of its files, so that nothing is imported in part, and nothing under a wrong key.
 
     Raises
     ------
     FormatError
-        At the first file that cannot be used.
+        At the first file that cannot be used, or if they are not those that were imported.
     """
+    if not Path(brought.path).exists() or fingerprint(store, Path(brought.path)) != brought.fingerprint:
+        raise FormatError(f"{brought.path}: is gone or has changed since it was imported; import it again")
     frames = len(probe.times)
     if kind == "proposals":
         if not [masks for masks in masks_of(section, probe, 0, frames) if masks is not None]:

@@ -140,7 +140,7 @@ def plan_video(
     for kind in brought:
         if kind in plan.stages and plan.stages[kind].todo:
             grid = working_size(probe, settings.frames.width)
-            imports.check(kind, getattr(settings, kind), probe, grid)
+            imports.check(store, kind, brought[kind], getattr(settings, kind), probe, grid)
     return plan
 
 

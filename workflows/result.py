@@ -117,11 +117,15 @@ class Result:
 
     @property
     def objects(self) -> pd.DataFrame:
-        """One row an object: object, group, thing, frames, area, score (px), threshold (px), visibility."""
+        """One row an object: object, group, thing, frames, area, score (px), threshold (px), visibility.
+
+        Of imported masks with ids also ``origin``, the id in the files.
+        """
         import pandas as pd
 
         table = self.artifact("groups").read_table(0)
         seen = np.flatnonzero(table["area"] > 0)
+        table |= {n: c for n, c in self.artifact("objects").read_table(0).items() if n == "origin"}
         columns = {n: c[seen] for n, c in table.items() if len(c) == len(table["group"])}
         return pd.DataFrame({"object": seen, **columns})
 

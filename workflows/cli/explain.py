@@ -41,7 +41,7 @@ def main(options: argparse.Namespace) -> int:
     if options.object is not None:
         rows = [row for row in rows if row["object"] == options.object]
     if not rows:
-        print("nothing was proposed: no superpixel stands out from the camera's motion")
+        print("nothing was proposed: there is no object")
     for row in rows:
         print(sentence(row, int(moving[:, row["object"]].sum()), visible))
     if options.object:
