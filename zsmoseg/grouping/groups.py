@@ -161,7 +161,7 @@ def _choose(
     if not strong.any():
         return _Chosen(strong, strong)
     seen: NDArray[np.bool_] = np.greater(pieces.area, 0)
-    covered = (seen & seen[:, strong].any(axis=1, keepdims=True)).sum(0) > s.overlap * seen.sum(0)
+    covered = (seen & seen[:, strong].any(axis=1, keepdims=True)).sum(0) >= s.overlap * seen.sum(0)
     hidden = ~covered & (decision.score > s.weak * decision.threshold)
     return _Chosen(strong, (support > 0) & ~strong & (decision.moving | hidden | (pairs < s.frames)))
 

@@ -109,10 +109,12 @@ def unclosed(
     flow, backward : (2, h, w) px.
     closure, part : px, and part of the length of the flow, that it may miss its start by.
     """
-    y, x = np.mgrid[: flow.shape[1], : flow.shape[2]].astype(np.float32)
-    to_x, to_y = x + np.nan_to_num(flow[0]), y + np.nan_to_num(flow[1])
-    back = [
-        cv2.remap(b, to_x, to_y, cv2.INTER_LINEAR, borderValue=FAR) for b in np.nan_to_num(backward, nan=FAR)
-    ]
-    missed = np.hypot(flow[0] + back[0], flow[1] + back[1])
-    return np.asarray(~(missed <= closure + part * np.hypot(*flow)))
+    height, width = flow.shape[1:]
+    to_x = flow[0] + np.arange(width, dtype=np.float32)
+    to_y = flow[1] + np.arange(height, dtype=np.float32)[:, None]
+    u, v = (
+        f + cv2.remap(b, to_x, to_y, cv2.INTER_LINEAR, borderValue=FAR)
+        for f, b in zip(flow, backward, strict=True)
+    )
+    limit = closure + part * cv2.magnitude(*flow)
+    return np.asarray(~(cv2.magnitude(u, v) <= limit))
