@@ -29,6 +29,9 @@ class Output:
 
     def refuse_foreign(self) -> None:
         """Raise ``OutputError`` if the folder is not ours to write in."""
+        for parent in self.path.parents:
+            if parent.exists() and not parent.is_dir():
+                raise OutputError(f"{parent}: is a file; give another output folder (-o)")
         if not self.path.exists():
             return
         if not self.path.is_dir():

@@ -160,7 +160,9 @@ def test_black_and_white_truth_is_one_object_and_official_stops(
     found = evaluated(capsys, near, *options)
     assert found["methods"]["near"]["mean"]["F"] == 1
     assert found["about"]["notes"] == "the annotation is 0/255, read as one object (dog)"
-    assert "dog/00000.png: has no object (255 is void)" in refused(capsys, near, *options, "--official")
+    assert "dog/00000.png: has no object (255 is void to the official program; leave out" in refused(
+        capsys, near, *options, "--official"
+    )
 
 
 def test_void_is_a_named_option_and_told(truth: Path, near: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,10 +10,11 @@ from zsmoseg.datasets import Dataset, select
 from zsmoseg.errors import SettingsError, StageError
 from zsmoseg.metrics.protocols import PROTOCOLS, Rules, SequenceScore
 from zsmoseg.settings import PRESETS, resolve
+from zsmoseg.stores.location import Store
 from zsmoseg.workflows.evaluate.evaluation import evaluate
 from zsmoseg.workflows.evaluate.predictions import Prediction
 from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
-from zsmoseg.workflows.run import Request, Watcher, run
+from zsmoseg.workflows.run import Request, Watcher, make_plans, run
 
 PROTOCOL = "moving"
 LAST = ("groups",)
@@ -28,19 +29,37 @@ class Variant:
     settings: Mapping[str, Any]
 
 
-def paper_steps() -> list[Variant]:
+def paper_steps(depth: bool) -> list[Variant]:
     """The rows of the paper's ablation, its rule to the letter, and the user's own settings.
 
-    OC: object clusters by optical flow; depth enters with the screw model.
+    OC: object clusters by optical flow; depth enters with the screw model, where there is one.
     """
     core = PRESETS["paper-core"]
+    with_depth = [
+        Variant("OC + Depth, as printed", {**core, "motion.model": "screw-printed"}),
+        Variant("OC + Depth", {**core, "motion.model": "screw"}),
+    ]
     return [
         Variant("Base", {"groups.rule": "keep"}),
         Variant("OC", {**core, "motion.model": "quadratic"}),
-        Variant("OC + Depth, as printed", {**core, "motion.model": "screw-printed"}),
-        Variant("OC + Depth", {**core, "motion.model": "screw"}),
+        *(with_depth if depth else []),
         Variant("ours", {}),
     ]
+
+
+def cues(request: Request) -> dict[str, str]:
+    """Where proposals, flow and depth of the first video come from.
+
+    Raises
+    ------
+    ZsmosegError
+        It cannot be planned.
+    """
+    plans, _ = make_plans(request, Store.open(request.store, create=True))
+    stages = plans[0].stages
+    depth = stages["depth"].settings["depth"]["source"]
+    proposals = "imported" if "proposals" in stages else "embedded"
+    return {"proposals": proposals, "flow": stages["flow"].settings["flow"]["source"], "depth": depth}
 
 
 def sweep(text: str) -> list[Variant]:
@@ -54,9 +73,9 @@ def sweep(text: str) -> list[Variant]:
     from zsmoseg.settings import parse_override
 
     name, equals, values = text.partition("=")
-    if not equals or not values.strip():
+    if not name.strip() or not equals or not values.strip():
         raise SettingsError(f"--sweep {text}: expected section.name=value,value,...")
-    found = [parse_override(f"{name}={value.strip()}") for value in values.split(",")]
+    found = [parse_override(f"{name}={value.strip()}") for value in dict.fromkeys(values.split(","))]
     return [Variant(f"{name} = {value}", {name: value}) for name, value in found]
 
 

@@ -22,8 +22,8 @@ from zsmoseg.flow import inverted, resized
 from zsmoseg.formats.depth import DepthSource, inverse_depth, open_depth
 from zsmoseg.formats.flow import FlowSource, open_flow
 from zsmoseg.formats.masks import FrameMasks, MaskSource, open_masks
-from zsmoseg.formats.names import find_for_video, last_integer, match_frames
-from zsmoseg.sources import title
+from zsmoseg.formats.names import find_for_video, match_frames
+from zsmoseg.sources import image_files, title
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.records import read_record, write_record
 from zsmoseg.video import Probe
@@ -66,9 +66,11 @@ def remember(store: Store, video: str, brought: Mapping[str, Brought]) -> None:
 
 
 def settle(
-    settings: sections.Settings, store: Store, name: str, video: str
+    settings: sections.Settings, store: Store, name: str, video: str, alone: bool = True
 ) -> tuple[sections.Settings, dict[str, Brought]]:
     """The settings for one video, with every ``auto`` source decided, and what is brought.
+
+    Files of one video are no files of several: unless the video is ``alone``, a path must hold something for it.
 
     Raises
     ------
@@ -82,7 +84,7 @@ def settle(
     update: dict[str, Any] = {}
     for kind, plain in KINDS.items():
         section = getattr(settings, kind)
-        found = _brought(section, kind, store, name, before.get(kind))
+        found = _brought(section, kind, store, name, before.get(kind), alone)
         if found is None:
             update[kind] = section.model_copy(
                 update={"source": plain if section.source == "auto" else section.source}
@@ -100,7 +102,9 @@ def settle(
     return settings.model_copy(update=update), brought
 
 
-def _brought(section: Any, kind: str, store: Store, name: str, before: Brought | None) -> Brought | None:
+def _brought(
+    section: Any, kind: str, store: Store, name: str, before: Brought | None, alone: bool
+) -> Brought | None:
     if section.source not in ("auto", "imported"):
         if section.path:
             raise SettingsError(
@@ -118,6 +122,10 @@ def _brought(section: Any, kind: str, store: Store, name: str, before: Brought |
             f"{section.path}: say what the numbers are: --depth-is depth (larger = farther) or inverse-depth"
         )
     path = find_for_video(Path(section.path), name).absolute()
+    if not alone and path == Path(section.path).absolute() and path.suffix != ".json":
+        raise FormatError(
+            f"{section.path}: holds nothing for {name}; with several videos it must hold one entry for each"
+        )
     word = getattr(section, "kind", "")
     if word == "auto":
         word = "ids" if open_masks(path, name).ids else "masks"
@@ -207,7 +215,12 @@ def depth_of(
                 _other_size(f"{s.path}: the depth of frame {probe.names[frame]}", values.shape, probe)
             )
         assert s.kind != ""
-        yield relative(inverse_depth(values, s.kind), grid)
+        inverse = relative(inverse_depth(values, s.kind), grid)
+        if not np.isfinite(inverse).any():
+            raise FormatError(
+                f"{s.path}: the depth of frame {probe.names[frame]} is unknown everywhere; leave it out"
+            )
+        yield inverse
 
 
 def check(
@@ -224,9 +237,11 @@ def check(
         raise FormatError(f"{brought.path}: is gone or has changed since it was imported; import it again")
     frames = len(probe.times)
     if kind == "proposals":
-        if not [masks for masks in masks_of(section, probe, 0, frames) if masks is not None]:
+        if not [
+            masks for masks in masks_of(section, probe, 0, frames) if masks is not None and masks.label.any()
+        ]:
             raise FormatError(
-                f"{section.path}: has masks for none of the {frames} frames; names must be those of the frames"
+                f"{section.path}: has no mask in any of the {frames} frames; names must be those of the frames"
             )
     elif kind == "flow":
         for _ in flow_of(section, probe, 0, frames - 1, grid):
@@ -237,25 +252,27 @@ def check(
 
 
 def _places(source: MaskSource | FlowSource | DepthSource, path: str, probe: Probe) -> list[int | None]:
-    """Which entry of the files belongs to each frame; entries of frames that are not used are passed over.
+    """Which entry of the files belongs to each used frame; entries of frames that are not used are passed over.
 
     Flow may have one entry less than there are frames.
     """
-    frames = len(probe.times)
     entries = source.entries if isinstance(source, MaskSource) else source.frames or source.count
-    part = bool(probe.indices) and probe.indices != tuple(range(frames))
-    if isinstance(entries, int) and not (part and entries > probe.indices[-2]):
-        short = isinstance(source, FlowSource) and entries == frames - 1
-        return [*match_frames(entries, probe.names[: frames - short], path), *[None] * short]
-    if isinstance(entries, range) and not part:
-        return match_frames(entries, probe.names, path)
-    if isinstance(entries, int | range):
-        numbers = range(entries) if isinstance(entries, int) else entries
-        return [numbers.index(i) if i in numbers else None for i in probe.indices or range(frames)]
-    wanted = set(probe.names) | {last_integer(name) for name in probe.names}
-    kept = [i for i, name in enumerate(entries) if not part or {name, last_integer(name)} & wanted]
-    found = match_frames([entries[i] for i in kept], probe.names, path)
-    return [None if place is None else kept[place] for place in found]
+    used, everything = list(probe.names), _source_names(probe)
+    if isinstance(entries, int):
+        for names, chosen in ((everything, list(probe.indices)), (used, list(range(len(used))))):
+            short = isinstance(source, FlowSource) and entries == len(names) - 1
+            if entries == len(names) - short:
+                return [i if i < entries else None for i in chosen]
+        return [*match_frames(entries, used, path)]
+    found = match_frames(entries, everything, path)
+    return [found[i] for i in probe.indices]
+
+
+def _source_names(probe: Probe) -> list[str]:
+    """The names of all frames of the source, used or not."""
+    if probe.files:
+        return [Path(file).stem for file in image_files(probe.source)]
+    return [f"{i:05d}" for i in range(probe.total)]
 
 
 def _fitting(

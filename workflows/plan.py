@@ -108,8 +108,9 @@ def plan_video(
     out: str,
     start_from: str | None = None,
     until: Sequence[str] = (),
+    alone: bool = True,
 ) -> VideoPlan:
-    """The plan of one video, up to the stages ``until``; without them all.
+    """The plan of one video, up to the stages ``until``; without them all. ``alone``: no other video is asked for.
 
     Raises
     ------
@@ -120,7 +121,7 @@ def plan_video(
     OutputError
         The output folder is not ours.
     """
-    settings, brought = imports.settle(settings, store, name, video)
+    settings, brought = imports.settle(settings, store, name, video, alone)
     graph = graph_of(settings)
     stages = GRAPHS[graph]
     for option, value in [("--from", start_from), *(("--until", stage) for stage in until)]:
@@ -233,6 +234,8 @@ def _what_changed(plan: VideoPlan, stage: StagePlan) -> str:
     words = differences(old.get("settings", {}), stage.settings)
     if words:
         return "; ".join(words)
+    if set(old.get("inputs", {})) != set(stage.inputs):
+        return f"made from {', '.join(stage.inputs)} now, from {', '.join(old.get('inputs', {}))} before"
     if old.get("version") != stage.stage.version:
         return f"stage version: {old.get('version')} -> {stage.stage.version}"
     changed = [name for name, key in stage.inputs.items() if old.get("inputs", {}).get(name) != key]

@@ -168,7 +168,8 @@ class OpenStore:
             entry = record["videos"][name]
             return Result(self.store, name, entry["video"], entry["keys"])
         raise StoreError(
-            f"{self.store.path}: no finished run of {name!r}; zsmoseg status lists what is there"
+            f"{self.store.path}: no finished run {run + ' ' if run else ''}of {name!r}; "
+            "zsmoseg status and zsmoseg runs list what is there"
         )
 
 

@@ -95,7 +95,7 @@ def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[st
     plans, failures = [], {}
     for source, name in zip(found, unique_names(found), strict=True):
         try:
-            plans.append(_make_plan(request, store, source, name))
+            plans.append(_make_plan(request, store, source, name, len(found) == 1))
         except ZsmosegError as error:
             if len(found) == 1:
                 raise
@@ -105,7 +105,7 @@ def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[st
     return plans, failures
 
 
-def _make_plan(request: Request, store: Store, source: str, name: str) -> VideoPlan:
+def _make_plan(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
     settings = request.settings
     fingerprint = store.fingerprint(source, settings.video.fingerprint)
     looked = probe(source, settings.video)
@@ -121,6 +121,7 @@ def _make_plan(request: Request, store: Store, source: str, name: str) -> VideoP
         str(request.out / name),
         request.start_from,
         request.until,
+        alone,
     )
 
 

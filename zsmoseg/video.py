@@ -42,6 +42,8 @@ class Probe:
     """As displayed: rotation applied; the shape of pixels is not."""
     indices: tuple[int, ...] = ()
     """Of the used frames among all frames of the source."""
+    total: int = 0
+    """Frames of the source, used or not."""
 
     @property
     def kind(self) -> str:
@@ -100,7 +102,9 @@ def _probe_images(source: str, files: list[str], s: settings.Video) -> Probe:
     names = stems if len(set(stems)) == len(stems) else [f"{i:05d}" for i in used]
     times = tuple(i / s.fps for i in used)
     where = os.path.abspath(source)
-    return Probe(where, tuple(chosen), (), (), tuple(names), times, *sizes[0], indices=tuple(used))
+    return Probe(
+        where, tuple(chosen), (), (), tuple(names), times, *sizes[0], indices=tuple(used), total=len(files)
+    )
 
 
 def _image_size(file: str) -> tuple[int, int]:
@@ -147,6 +151,7 @@ def _probe_file(source: str, s: settings.Video) -> Probe:
         found.width,
         found.height,
         indices=tuple(used),
+        total=len(times),
     )
 
 

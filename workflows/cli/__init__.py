@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
+from typing import NoReturn
 
 from zsmoseg import __version__
 from zsmoseg.errors import ZsmosegError
@@ -49,9 +50,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """One line, exit code 2."""
+        self.exit(2, f"zsmoseg: {message}; see {self.prog} --help\n")
+
+
 def _parser(command: str | None) -> argparse.ArgumentParser:
     """The parser; only the called command's options are built."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         "zsmoseg", description="Finds what moves by itself in a video from a moving camera, without training."
     )
     parser.add_argument("--version", action="version", version=f"zsmoseg {__version__}")

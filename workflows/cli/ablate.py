@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,14 +59,18 @@ def main(options: argparse.Namespace) -> int:
         Bad settings, sources or truth; a video that failed; an output folder that is not ours.
     """
     from zsmoseg.datasets import open_dataset
+    from zsmoseg.settings import resolve
     from zsmoseg.stores.output import Output
-    from zsmoseg.workflows.ablation import ablate, paper_steps, sweep
+    from zsmoseg.workflows.ablation import ablate, cues, paper_steps, sweep
     from zsmoseg.workflows.evaluate.tables import render
     from zsmoseg.workflows.progress import Steps
     from zsmoseg.workflows.run import Request
     from zsmoseg.workflows.stages.masks import write_bytes
 
-    sweeps = {text.partition("=")[0]: sweep(text) for text in options.sweep} or {"steps": paper_steps()}
+    sweeps: dict[str, list[Variant]] = {}
+    for text in options.sweep:
+        known = sweeps.setdefault(text.partition("=")[0].strip(), [])
+        known += [variant for variant in sweep(text) if variant not in known]
     output = Output(options.out, "ablation")
     output.refuse_foreign()
     dataset = open_dataset(options.truth, "moving")
@@ -77,12 +82,16 @@ def main(options: argparse.Namespace) -> int:
         workers=options.workers,
     )
     given = options.preset, options.config, overrides(options)
-    boards = {}
-    for name, variants in sweeps.items():
-        boards[name] = ablate(request, *given, variants, dataset, Steps())
-        print(*_means(boards[name], variants), sep="\n")
+    for variants in sweeps.values():
+        for variant in variants:
+            resolve(*given[:2], {**given[2], **variant.settings})
+    sources = cues(replace(request, settings=resolve(*given)))
+    print(", ".join(f"{kind}: {source}" for kind, source in sources.items()))
+    sweeps = sweeps or {"steps": paper_steps(sources["depth"] != "constant")}
     output.claim({})
-    for name, board in boards.items():
+    for name, variants in sweeps.items():
+        board = ablate(request, *given, variants, dataset, Steps())
+        print(*_means(board, variants), sep="\n")
         file = f"{name}.{ENDINGS[options.format]}"
         output.add({file: write_bytes(output.path / file, render(board, options.format).encode())}, name)
         if options.sweep:

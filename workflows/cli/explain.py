@@ -31,7 +31,7 @@ def main(options: argparse.Namespace) -> int:
     result = open_store(store_path(options.store)).get(options.video, options.run)
     table, moving = result.objects, result.moving()
     described = result.artifact("groups").description or {}
-    visible = float(described["settings"]["groups"]["visible"])
+    chosen = described["settings"]["groups"]
     if options.object is not None and options.object not in table["object"].array:
         raise StoreError(
             f"{options.video} has no object {options.object}; there are "
@@ -43,29 +43,37 @@ def main(options: argparse.Namespace) -> int:
     if not rows:
         print("nothing was proposed: there is no object")
     for row in rows:
-        print(sentence(row, int(moving[:, row["object"]].sum()), visible))
+        print(sentence(row, int(moving[:, row["object"]].sum()), chosen["rule"], float(chosen["visible"])))
     if options.object:
         for line in details(result, options.object):
             print(f"  {line}")
     return 0
 
 
-def sentence(row: dict[str, Any], frames_moving: int, visible: float) -> str:
-    """The evidence for one object in words; ``visible`` is the setting ``groups.visible``."""
+def sentence(row: dict[str, Any], frames_moving: int, rule: str, visible: float) -> str:
+    """The evidence for one object in words; ``rule`` and ``visible`` are the settings of ``groups``."""
     seen = f"object {row['object']}: seen in {row['frames']} frames, {row['area']} pixels in all"
-    evidence = (
-        f"one motion for it and the static world costs {row['score']:.3f} px more than a motion of its own; "
-        f"the threshold is {row['threshold']:.3f} px"
+    answer = (
+        f"group {row['group']}, thing {row['thing']}, moving in {frames_moving} frames"
+        if row["group"]
+        else "static"
     )
-    if row["visibility"] < visible:
+    evidence = (
+        f"one motion for it and the static world costs {row['score']:.3f} px more than a motion of its own"
+    )
+    if rule == "keep":
+        return f"{seen}; {evidence}; kept as it was proposed: {answer}"
+    if rule == "spectral":
+        word = "apart from" if row["group"] else "with"
+        return f"{seen}; {evidence}; the clusters of the affinity have it {word} the background: {answer}"
+    if row["group"] == 0 and row["visibility"] < visible:
         return (
             f"{seen}; the static world's motion explains its image as well as its own flow does (error ratio "
             f"{row['visibility']:.2f}, needed {visible:.2f}): static"
         )
-    if row["group"] == 0:
-        return f"{seen}; {evidence}: static"
-    joined = "" if row["score"] > row["threshold"] else ", joined by nearness and time to a thing that moves"
-    return (
-        f"{seen}; {evidence}: group {row['group']}, thing {row['thing']}, "
-        f"moving in {frames_moving} frames{joined}"
+    joined = (
+        ""
+        if not row["group"] or row["score"] > row["threshold"]
+        else ", joined by nearness to a thing that moves"
     )
+    return f"{seen}; {evidence}; the threshold is {row['threshold']:.3f} px: {answer}{joined}"

@@ -63,7 +63,8 @@ def main(options: argparse.Namespace) -> int:
     if report.failures:
         print(f"zsmoseg: {len(report.failures)} videos were not imported", file=sys.stderr)
         return 2
-    print(f"zsmoseg run with --store {store} uses them; --set flow.source=dis (or the like) does without")
+    without = " ".join(f"--set {kind}.source={KINDS[kind]}" for kind in kinds)
+    print(f"zsmoseg run with --store {store} uses them from now on; without them: {without}")
     return 0
 
 

@@ -161,7 +161,7 @@ def _shortest_end(parts: tuple[str, ...], others: Sequence[tuple[str, ...]]) -> 
     length = next(
         (n for n in range(1, len(parts)) if sum(o[-n:] == parts[-n:] for o in others) == 1), len(parts)
     )
-    return "/".join(parts[-length:])
+    return str(Path(*parts[-length:]))
 
 
 def _files(folder: Path, frames: Sequence[str]) -> list[Path]:

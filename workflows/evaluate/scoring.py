@@ -94,6 +94,8 @@ def count_objects(truth: Truth, rules: Rules) -> int:
     )
     if count == 0:
         void = "" if rules.void is None else f" ({rules.void} is void)"
+        if rules.official and black_and_white(truth):
+            void = " (255 is void to the official program; leave out --official for 0/255 annotations)"
         raise DatasetError(
             f"{truth.file(0)}: has no object{void}, and {rules.protocol} scores the objects of the first annotated frame"
         )

@@ -27,9 +27,14 @@ class CocoImages(MaskSource):
         images = _images_of(entries(content, "images", path), video, path)
         self._names = {image["id"]: image["file_name"] for image in images}
         self._annotations: dict[int, list[Entry]] = {image["id"]: [] for image in images}
+        known = {image["id"] for image in entries(content, "images", path)}
         for annotation in entries(content, "annotations", path):
             where = f"{path}, annotation {annotation['id']}"
             image = field(annotation, "image_id", int, where)
+            if image not in known:
+                raise FormatError(
+                    f"{where}: there is no image {image} in the file; mend image_id or remove it"
+                )
             if image in self._annotations and not annotation.get("iscrowd"):
                 self._annotations[image].append(annotation)
         own = [a for found in self._annotations.values() for a in found]

@@ -52,6 +52,12 @@ class Detections(MaskSource):
             raise FormatError(f"{path}: frame, score and packed must have one entry for each mask, size two")
         if self._frame.dtype.kind not in "ui" or int(self._frame.min(initial=0)) < 0:
             raise FormatError(f"{path}: frame must hold the indices of frames, counted from 0")
+        unscored = np.flatnonzero(~np.isfinite(self._score))
+        if len(unscored):
+            raise FormatError(
+                f"{path}: the mask of frame {self._frame[unscored[0]]} has the score {self._score[unscored[0]]}; "
+                "scores must be numbers, they say which mask is on top"
+            )
         height, width = map(int, found["size"])
         super().__init__(path, None, int(self._frame.max(initial=-1)) + 1, (height, width), ids=False)
 
