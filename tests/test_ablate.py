@@ -78,7 +78,8 @@ def test_sweeps_become_tables_and_plots_and_one_setting_is_one_table(data: Path,
     assert ablate(data, tmp_path, *(w for text in sweeps for w in ("--sweep", text))) == 0
     board = json.loads((tmp_path / "tables" / "groups.floor.json").read_text())
     assert [m.partition(" = ")[2] for m in board["methods"]] == ["0.05", "0.1", "0.2"]
-    assert Image.open(tmp_path / "tables" / "motion.model.png").size == (768, 480)
+    with Image.open(tmp_path / "tables" / "motion.model.png") as plot:
+        assert plot.size == (768, 480)
 
 
 @pytest.mark.parametrize(
