@@ -84,6 +84,7 @@ SETUP: dict[str, dict[str, Any]] = {
     "groups.overlap": {**STRICT, "video.start": "4f", "groups.significant": 0.0, "groups.reach": 100.0},
     "groups.share": {"groups.same": 0.001, "groups.same_own": 0.0, "groups.reach": 0.0},
     "groups.significant": {**STRICT, "video.start": "4f"},
+    "groups.small": {"groups.small_fraction": 1.0, "groups.certain": 1000.0, "groups.top_fraction": 0.3},
     "groups.coherent_part": {"groups.coherent": 1000.0},
     "groups.colour": {"groups.coherent": 1000.0},
     "groups.gap": {"groups.frames": 8, "groups.top_fraction": 0.3},

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from zsmoseg.grouping import decision
 from zsmoseg.grouping.affinity import UNKNOWN, accumulate, normalised
 from zsmoseg.grouping.arrays import group_arrays, shot_grams
 from zsmoseg.grouping.clustering import average_linkage, by_weight, k_means, spectral
-from zsmoseg.grouping.decision import coherent, threshold_of
+from zsmoseg.grouping.decision import coherent
 from zsmoseg.grouping.evidence import PairGrams, ShotEvidence, pair_evidence
 from zsmoseg.grouping.groups import ShotGroups
 from zsmoseg.grouping.kernels import inlier, ordered, ordered_weighted
@@ -165,6 +166,10 @@ def test_spectral_survives_objects_without_any_affinity() -> None:
 # -------------------------------------------------------------------------- decision
 def test_threshold_is_bounded_by_its_terms() -> None:
     s = resolve().groups
+
+    def threshold_of(nu: float, largest: float, tau: float, s: Any) -> float:
+        return float(decision.threshold_of(nu, largest, tau, np.array([s.top_fraction]), s)[0])
+
     assert threshold_of(0.1, 0.3, 0.2, s) == np.inf, "weaker than the background's own pieces"
     assert threshold_of(0.2, 0.3, 10.0, s) == pytest.approx(s.certain * 0.2), "certainly moving"
     assert threshold_of(0.2, 3.0, 10.0, s) == pytest.approx(3.0), "never below what the background costs"
@@ -173,6 +178,15 @@ def test_threshold_is_bounded_by_its_terms() -> None:
     assert threshold_of(1.0, 3.0, 2.0, s) < 2.0, "clear proposals are not all dropped"
     two = resolve(overrides={"groups.count": 2}).groups
     assert threshold_of(0.1, 0.3, 0.2, two) < 0.2, "who asks for two groups says that something moves"
+
+
+def test_what_is_small_beside_the_strongest_needs_more_unless_it_is_certain() -> None:
+    s = resolve().groups
+    part = np.array([s.top_fraction, s.small_fraction])
+    large, small = decision.threshold_of(1.0, 2.0, 10.0, part, s)
+    assert (large, small) == pytest.approx((s.top_fraction * 10, s.small_fraction * 10))
+    sure = decision.threshold_of(0.1, 2.0, 10.0, part, s)
+    assert sure == pytest.approx([2.0, 2.0])
 
 
 def evidence_of(score: list[float], own: list[float]) -> ShotEvidence:

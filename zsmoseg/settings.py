@@ -364,6 +364,12 @@ class Groups(Section):
     top_fraction: float = setting(
         0.55, "an object below this part of the strongest does not move ...", ge=0, le=1
     )
+    small: float = setting(
+        0.25, "an object with less than this part of the strongest's pixels, as leaks have, ...", ge=0, le=1
+    )
+    small_fraction: float = setting(
+        0.7, "... does not move below this part of the strongest, unless it is certain", ge=0, le=1
+    )
     certain: float = setting(
         10.0, "... unless its excess is this many yardsticks and above the largest cell", gt=0
     )

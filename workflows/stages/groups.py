@@ -75,12 +75,13 @@ def _group(task: Task, span: Span, visibility: NDArray[np.float64]) -> ShotGroup
 def _columns(answer: ShotGroups, groups: int, things: int) -> dict[str, NDArray[Any]]:
     """Columns by object; groups and things go on counting from shot to shot."""
     d, count = answer.decision, len(answer.group)
-    threshold = d.threshold if np.isfinite(d.threshold) else max(d.largest, float(d.score.max(initial=0.0)))
+    unreached = max(d.largest, float(d.score.max(initial=0.0)))
+    threshold = np.where(np.isfinite(d.threshold), d.threshold, unreached)
     return {
         "group": np.where(answer.group > 0, answer.group + groups, 0),
         "thing": np.where(answer.thing > 0, answer.thing + things, 0),
         "score": d.score,
-        "threshold": np.full(count, threshold),
+        "threshold": threshold,
         "yardstick": np.full(count, d.yardstick),
         "largest_cell": np.full(count, d.largest),
     }
@@ -140,7 +141,7 @@ def read_pieces(statistics: Artifact, span: Span) -> Pieces:
 
 STAGE = Stage(
     "groups",
-    2,
+    3,
     task,
     inputs={"affinity": ALL, "statistics": ALL, "labels": ALL, "objects": ALL},
     sections=("frames", "motion", "groups"),

@@ -23,8 +23,8 @@ class Decision:
     """px, what most cells of the background stay below."""
     largest: float
     """px, the largest cell."""
-    threshold: float
-    """px; infinite where nothing moves."""
+    threshold: Floats
+    """(N,) px; infinite where nothing moves."""
     evidence: ShotEvidence
 
     @property
@@ -45,7 +45,9 @@ def decide(
        objects with ``significant`` of the largest object's pixels or more.
     2. Nothing moves if tau is below ``exist`` largest cells, unless the proposals are clear: above ``clear`` px and
        ``clear_cells`` largest cells.
-    3. Moving is what exceeds min(max(sqrt(nu tau), top_fraction tau), max(certain nu, largest cell), keep tau).
+    3. Moving is what exceeds min(max(sqrt(nu tau), part tau), max(certain nu, largest cell), keep tau). The part is
+       ``top_fraction``; for what has less than ``small`` of the strongest's pixels, as its leaks and shadows have, it
+       is ``small_fraction``.
     4. What is static joins the world; once more from 1, ``rounds`` times in all.
 
     Parameters
@@ -59,14 +61,8 @@ def decide(
     significant = area >= s.significant * area[1:].max(initial=0.0)
     significant[0] = False
     moving = np.zeros(count, np.bool_)
-    decision = Decision(
-        moving,
-        np.zeros(count),
-        0.0,
-        0.0,
-        np.inf,
-        ShotEvidence([], np.zeros(count), np.zeros(count), np.zeros(0)),
-    )
+    nothing, never = np.zeros(count), np.full(count, np.inf)
+    decision = Decision(moving, nothing, 0.0, 0.0, never, ShotEvidence([], nothing, nothing, np.zeros(0)))
     for _ in range(s.rounds):
         found = shot_evidence(shot, count, model, static, s.noise_area)
         counts = coherent(found, significant, s)
@@ -76,7 +72,9 @@ def decide(
         largest = max(float(found.cells.max(initial=0.0)), s.floor)
         nu = max(float(np.quantile(found.cells, s.quantile)) if found.cells.size else 0.0, s.floor)
         tau = float(found.score[significant].max(initial=0.0))
-        threshold = threshold_of(nu, largest, tau, s)
+        strongest = int(np.where(significant, found.score, -1.0).argmax())
+        part = np.where(area < s.small * area[strongest], s.small_fraction, s.top_fraction)
+        threshold = threshold_of(nu, largest, tau, part, s)
         moving = found.score > threshold
         decision = Decision(moving, found.score, nu, largest, threshold, found)
         if np.array_equal(~moving, static):
@@ -92,13 +90,17 @@ def coherent(found: ShotEvidence, significant: NDArray[np.bool_], s: settings.Gr
     return np.asarray(ratio >= min(s.coherent, s.coherent_part * float(ratio[strongest])))
 
 
-def threshold_of(nu: float, largest: float, tau: float, s: settings.Groups) -> float:
-    """The threshold in px for yardstick, largest cell and strongest object; infinite where nothing moves.
+def threshold_of(nu: float, largest: float, tau: float, part: Floats, s: settings.Groups) -> Floats:
+    """The thresholds (N,) in px for yardstick, largest cell and strongest object; infinite where nothing moves.
 
     Who asks for two groups or more says that something moves.
+
+    Parameters
+    ----------
+    part : (N,) of the strongest's evidence that an object needs.
     """
     clear = tau >= s.clear and tau >= s.clear_cells * largest
     if s.count in ("auto", 1) and tau < s.exist * largest and not clear:
-        return float("inf")
-    weak = max(float(np.sqrt(nu * tau)), s.top_fraction * tau)
-    return min(weak, max(s.certain * nu, largest), s.keep * tau)
+        return np.full(part.shape, np.inf)
+    weak = np.maximum(np.sqrt(nu * tau), part * tau)
+    return np.minimum(weak, min(max(s.certain * nu, largest), s.keep * tau))

@@ -114,7 +114,7 @@ def _thresholds(decision: Decision, group: Labels, s: settings.Groups) -> Floats
     The decision's; what moves by other evidence (a given number of groups, another rule, a piece of a thing)
     is held to its own mean.
     """
-    out = np.full(len(group), decision.threshold)
+    out = decision.threshold.copy()
     movers = group > 0
     out[movers] = np.minimum(out[movers], s.keep * decision.score[movers])
     return np.asarray(np.maximum(out, 1e-6), np.float64)
