@@ -21,7 +21,7 @@ COMMANDS = {
     "ablate": "one setting after the other over one set of cached cues, scored",
     "status": "what the store holds of each video",
     "explain": "why each object was called moving or static",
-    "verify": "check every file of the store; exits with 1 when something is wrong",
+    "verify": "check every file of the store; exits with 1 when something is wrong, which the next run then redoes",
     "gc": "remove what no remembered run reaches",
     "runs": "the runs that the store remembers",
     "settings": "all settings: default, unit, allowed values, meaning",
