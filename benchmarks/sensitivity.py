@@ -20,9 +20,18 @@ from zsmoseg.settings import Settings, defaults, resolve
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.run import Request, run
 
-TEN = ["blackswan", "bmx-trees", "car-shadow", "dog", "drift-straight", "goat", "horsejump-high", "libby", "motocross-jump", "scooter-black"]
-CAPPED = {"quantile", "keep", "top_fraction", "colour", "overlap", "coherent_part"}
-"""Shares: doubled, but at most 1."""
+TEN = [
+    "blackswan",
+    "bmx-trees",
+    "car-shadow",
+    "dog",
+    "drift-straight",
+    "goat",
+    "horsejump-high",
+    "libby",
+    "motocross-jump",
+    "scooter-black",
+]
 
 
 def overlaps(labels: Artifact, truth: Path) -> np.ndarray:
@@ -83,9 +92,12 @@ class Bench:
 
 def others(name: str) -> list[float]:
     """Half and twice the default of a constant, within its range."""
-    value, field = defaults()[f"groups.{name}"], type(Settings().groups).model_json_schema()["properties"][name]
+    value, field = (
+        defaults()[f"groups.{name}"],
+        type(Settings().groups).model_json_schema()["properties"][name],
+    )
     kind = int if field.get("type") == "integer" else float
-    found = [kind(value / 2), min(value * 2, 1.0) if name in CAPPED else value * 2]
+    found = [kind(value / 2), min(value * 2, field.get("maximum", value * 2))]
     return [v for v in dict.fromkeys(found) if v != value and v >= field.get("minimum", 0)]
 
 

@@ -232,7 +232,7 @@ def test_xarray_reads_the_copy(
         (("png", "--when", "now"), "--when does nothing for png"),
         (("npz", "--what", "object", "--when", "now"), "--when now does nothing for --what object"),
         (("colmap", "--dilate", "-1"), "--dilate -1: must be 0 px or more"),
-        (("davis", "--run", "none"), "no finished run of 'disc'"),
+        (("davis", "--run", "none"), "no finished run none of 'disc'"),
     ],
 )
 def test_an_option_that_would_do_nothing_is_refused(
