@@ -14,24 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from composites import TEN
 from PIL import Image
 
 from zsmoseg.settings import Settings, defaults, resolve
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.run import Request, run
-
-TEN = [
-    "blackswan",
-    "bmx-trees",
-    "car-shadow",
-    "dog",
-    "drift-straight",
-    "goat",
-    "horsejump-high",
-    "libby",
-    "motocross-jump",
-    "scooter-black",
-]
 
 
 def overlaps(labels: Artifact, truth: Path) -> np.ndarray:

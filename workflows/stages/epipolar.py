@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +13,7 @@ from zsmoseg.stores.artifact import Artifact
 from zsmoseg.trajectories import Tracks, look_up
 from zsmoseg.workflows.reading import Span, spans
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
+from zsmoseg.workflows.stages.statistics import shrink
 from zsmoseg.workflows.stages.trajectories import read_tracks
 
 
@@ -42,12 +42,11 @@ def _groups(task: Task) -> Iterator[tuple[str, Mapping[str, NDArray[Any]]]]:
 
 def _labels(task: Task, span: Span, tracks: Tracks) -> NDArray[np.int64]:
     """(rows,) the object that each point is on, by its number within the shot."""
-    size = task.grid[::-1]
     found = []
     for t in range(span.stop - span.start):
-        label = task.inputs["labels"].read("label", span.start + t, span.start + t + 1)[0]
-        small = cv2.resize(label, size, interpolation=cv2.INTER_NEAREST_EXACT)
-        found.append(look_up(np.asarray(small), tracks.place[tracks.at(t)]))
+        frame = span.start + t
+        (label,) = shrink(task.inputs["labels"].read("label", frame, frame + 1), *task.grid)
+        found.append(look_up(label, tracks.place[tracks.at(t)]))
     return np.searchsorted(span.objects, np.concatenate(found))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +11,7 @@ from zsmoseg.carrying import Linker
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.reading import shots
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
+from zsmoseg.workflows.stages.statistics import shrink
 
 Ids = NDArray[np.int64]
 HIGHEST = 1023
@@ -77,9 +77,8 @@ def _linked(
             if t > start:
                 linker.carry(flow.read("backward", t - 1, t)[0])
             if t in of_frame:
-                mask = proposals.read("mask", t, t + 1)[0]
-                small = cv2.resize(mask, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
-                objects.append(linker.see(np.asarray(small, np.uint16), of_frame[t]))
+                (small,) = shrink(proposals.read("mask", t, t + 1), height, width)
+                objects.append(linker.see(small, of_frame[t]))
         last.append(linker.last)
     return objects, last
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zsmoseg.motion.fit import fit, own_cost
 from zsmoseg.motion.models import BASIS, SIZE, Floats, Model
@@ -73,8 +72,3 @@ def merge_costs(gram: Floats, model: Model, frame: Floats) -> tuple[Floats, Floa
         np.minimum(pixels[i], pixels[k]), 1.0
     )
     return d, own / np.maximum(pixels, 1.0)
-
-
-def seen_slots(gram: Floats) -> NDArray[np.int64]:
-    """Slots with enough pixels to count as seen."""
-    return np.flatnonzero(gram[:, 0, 0] >= LEAST)
