@@ -9,20 +9,27 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from dataclasses import fields
 from difflib import get_close_matches
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from zsmoseg.errors import SettingsError
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 
 def setting(default: Any, meaning: str, unit: str = "", when: tuple[str, ...] = (), **limits: Any) -> Any:
     """One setting; ``when = (name, value, ...)``: it acts only while ``name`` of its section is such a value."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit, "when": list(when)}, **limits)
+
+
+T = TypeVar("T", bound="DataclassInstance")
 
 
 class Section(BaseModel):
@@ -38,6 +45,14 @@ class Section(BaseModel):
         """Whether setting ``name`` can change anything now."""
         when = type(self).extra(name)["when"]
         return not when or getattr(self, when[0]) in when[1:]
+
+    def group(self, kind: type[T]) -> T:
+        """The parameters ``kind`` of a function of the science: a frozen dataclass, filled by name.
+
+        Its fields that are no settings keep their defaults: they are constants.
+        """
+        known = {field.name: getattr(self, field.name) for field in fields(kind) if hasattr(self, field.name)}
+        return kind(**known)
 
     @classmethod
     def extra(cls, name: str) -> dict[str, Any]:
