@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from zsmoseg.settings import resolve
-from zsmoseg.workflows.run import Request, run
+from zsmoseg.workflows.running.run import Request, run
 
 SEQUENCES = ("blackswan", "bmx-trees", "car-shadow", "goat", "libby", "scooter-black")
 FRAMES = 16

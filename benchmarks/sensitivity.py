@@ -19,7 +19,7 @@ from PIL import Image
 
 from zsmoseg.settings import Settings, defaults, resolve
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.workflows.run import Request, run
+from zsmoseg.workflows.running.run import Request, run
 
 
 def overlaps(labels: Artifact, truth: Path) -> np.ndarray:

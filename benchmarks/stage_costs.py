@@ -14,11 +14,11 @@ import time
 from pathlib import Path
 
 from zsmoseg.settings import resolve
-from zsmoseg.workflows.estimate import REFERENCE
-from zsmoseg.workflows.jobs import Outcome
-from zsmoseg.workflows.plan import VideoPlan
-from zsmoseg.workflows.progress import Tally
-from zsmoseg.workflows.run import Quiet, Report, Request, run
+from zsmoseg.workflows.planning.estimate import REFERENCE
+from zsmoseg.workflows.planning.plan import VideoPlan
+from zsmoseg.workflows.running.jobs import Outcome
+from zsmoseg.workflows.running.progress import Tally
+from zsmoseg.workflows.running.run import Quiet, Report, Request, run
 
 
 class Count(Quiet):

@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, BinaryIO
 
 from zsmoseg.errors import SpaceError
 
@@ -27,6 +28,26 @@ def read(path: Path) -> bytes | None:
         return path.read_bytes()
     except OSError:
         return None
+
+
+def read_range(path: Path, offset: int, length: int) -> bytes | None:
+    """``length`` bytes of a file from ``offset`` on, fewer at its end; None where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            file.seek(offset)
+            return file.read(length)
+    except OSError:
+        return None
+
+
+def exists(path: Path) -> bool:
+    """Whether there is a file or a folder."""
+    return path.exists()
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder."""
+    return path.is_dir()
 
 
 def size(path: Path) -> int | None:
@@ -63,6 +84,31 @@ def folders(path: Path) -> list[Path]:
     return sorted(inside for inside in path.iterdir() if inside.is_dir()) if path.is_dir() else []
 
 
+def matching(path: Path, pattern: str) -> list[Path]:
+    """What is in a folder and has a name like ``pattern``, in order of the names."""
+    return sorted(path.glob(pattern))
+
+
+def inside(path: Path) -> list[Path]:
+    """Files and folders in a folder, in order of their names."""
+    return sorted(path.iterdir()) if path.is_dir() else []
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it."""
+    path.mkdir(parents=True, exist_ok=True)
+
+
+def touch(path: Path) -> None:
+    """Note that a file is used now."""
+    os.utime(path)
+
+
+def zarr_store(path: Path) -> Any:
+    """What Zarr and xarray open as the group or array in a folder."""
+    return str(path)
+
+
 def write(path: Path, content: bytes) -> None:
     """Write a file, and its folders. For files that count for nothing before a record names them."""
     try:
@@ -72,8 +118,9 @@ def write(path: Path, content: bytes) -> None:
         path.write_bytes(content)
 
 
-def write_whole(path: Path, content: bytes, sync: bool = False) -> None:
-    """Write a file that appears whole or not at all; ``sync``: on the disk before its name appears.
+@contextmanager
+def appearing(path: Path) -> Iterator[Path]:
+    """A path to write a file or folder to; at the end it takes the name ``path``, after an error it is removed.
 
     Raises
     ------
@@ -84,14 +131,61 @@ def write_whole(path: Path, content: bytes, sync: bool = False) -> None:
     with full_disk_in_words(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with partial.open("wb") as file:
-                file.write(content)
-                if sync:
-                    file.flush()
-                    os.fsync(file.fileno())
+            yield partial
             partial.replace(path)
         finally:
-            partial.unlink(missing_ok=True)
+            remove(partial)
+
+
+def write_whole(path: Path, content: bytes, sync: bool = False) -> None:
+    """Write a file that appears whole or not at all; ``sync``: on the disk before its name appears.
+
+    Raises
+    ------
+    SpaceError
+        If the disk is full.
+    """
+    with appearing(path) as partial, partial.open("wb") as file:
+        file.write(content)
+        if sync:
+            file.flush()
+            os.fsync(file.fileno())
+
+
+class Appended:
+    """A file that grows piece by piece; for files that count for nothing before a record names them.
+
+    Attributes
+    ----------
+    path, size, crc32
+        Of what was written so far.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.size, self.crc32 = path, 0, 0
+        self._file: BinaryIO | None = None
+
+    def add(self, content: bytes) -> int:
+        """Write a piece; where it begins."""
+        if self._file is None:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = self.path.open("wb")
+        self._file.write(content)
+        begin, self.size = self.size, self.size + len(content)
+        self.crc32 = zlib.crc32(content, self.crc32)
+        return begin
+
+    def close(self) -> None:
+        """No more pieces."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+
+def entry(path: Path) -> dict[str, int]:
+    """Size and checksum of a file, for a record."""
+    content = path.read_bytes()
+    return {"size": len(content), "crc32": crc32(content)}
 
 
 def remove(path: Path) -> None:

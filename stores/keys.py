@@ -7,6 +7,9 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+FORMAT = 2
+"""Version of the layout of a store; another one is refused. It is part of every key."""
+
 
 def key(
     schema_version: int,
@@ -21,7 +24,7 @@ def key(
     Parameters
     ----------
     schema_version
-        ``schema.FORMAT``.
+        ``FORMAT``.
     stage, stage_version
         What computes it; the version is raised by hand when values change with equal settings.
     settings

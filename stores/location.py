@@ -21,8 +21,8 @@ from typing import Any
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
+from zsmoseg.stores.keys import FORMAT
 from zsmoseg.stores.records import as_json, read_json, read_record, recall_record, write_json, write_record
-from zsmoseg.stores.schema import FORMAT
 
 MARK = "zsmoseg.json"
 _VIDEO = re.compile(r".+-[0-9a-f]{16}")
@@ -33,11 +33,6 @@ class VideoFolder:
     """What a store holds of one video."""
 
     path: Path
-
-    @property
-    def id(self) -> str:
-        """Its name in the store."""
-        return self.path.name
 
     @property
     def description(self) -> dict[str, Any] | None:
@@ -85,7 +80,7 @@ class Store:
         marked = store._check_mark()
         if not marked and not store._looks_like_one():
             raise StoreError(f"{path}: is not a store: it holds other things; give another folder (--store)")
-        if not store.path.exists() and not create:
+        if not files.exists(store.path) and not create:
             raise StoreError(f"{path}: there is no store; zsmoseg run makes one, --store names another")
         if create:
             store._make(marked)
@@ -96,22 +91,23 @@ class Store:
         version = (read_json(self.path / MARK) or {}).get("format")
         if not isinstance(version, int):
             return False
-        if version > FORMAT:
+        if version != FORMAT:
+            age = "a newer zsmoseg" if version > FORMAT else "an older zsmoseg"
             raise StoreError(
-                f"{self.path}: is a store of format {version}, this zsmoseg reads up to format {FORMAT}; "
-                "use a newer zsmoseg, or another store (--store)"
+                f"{self.path}: is a store of format {version}, this zsmoseg writes format {FORMAT}; use {age} for "
+                "it, or give another folder (--store)"
             )
         return True
 
     def _looks_like_one(self) -> bool:
         """Nothing there, empty, or a store that lost its mark."""
-        if not self.path.exists():
+        if not files.exists(self.path):
             return True
-        if not self.path.is_dir():
+        if not files.is_folder(self.path):
             return False
-        inside = [path for path in self.path.iterdir() if path.name != MARK and path.suffix != ".tmp"]
-        runs = any(self.runs.glob("*.json"))
-        return not inside or runs or any((path / "video.json").exists() for path in inside)
+        inside = [path for path in files.inside(self.path) if path.name != MARK and path.suffix != ".tmp"]
+        runs = bool(files.matching(self.runs, "*.json"))
+        return not inside or runs or any(files.exists(path / "video.json") for path in inside)
 
     def _make(self, marked: bool) -> None:
         try:
@@ -145,7 +141,7 @@ class Store:
         if not _VIDEO.fullmatch(f"x{end}"):
             raise ValueError(f"{fingerprint}: no fingerprint, it needs 16 hexadecimal digits")
         new = re.sub(r"[^\w.-]+", "_", name).strip("._")[:80] or "video"
-        if (self.path / (new + end)).is_dir():
+        if files.is_folder(self.path / (new + end)):
             return new + end
         return next((video for video in self.videos() if video.endswith(end)), new + end)
 
@@ -182,6 +178,6 @@ class Store:
         if known is not None:
             return str(known["fingerprint"])
         found = compute()
-        if (self.path / MARK).exists():
+        if files.exists(self.path / MARK):
             write_record(path, {"fingerprint": found})
         return found

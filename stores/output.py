@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from zsmoseg.errors import OutputError
+from zsmoseg.stores import files
 from zsmoseg.stores.records import read_json, write_json
 
 LIST = ".zsmoseg.json"
@@ -30,13 +31,13 @@ class Output:
     def refuse_foreign(self) -> None:
         """Raise ``OutputError`` if the folder is not ours to write in."""
         for parent in self.path.parents:
-            if parent.exists() and not parent.is_dir():
+            if files.exists(parent) and not files.is_folder(parent):
                 raise OutputError(f"{parent}: is a file; give another output folder (-o)")
-        if not self.path.exists():
+        if not files.exists(self.path):
             return
-        if not self.path.is_dir():
+        if not files.is_folder(self.path):
             raise OutputError(f"{self.path}: is a file; give another output folder (-o)")
-        if not (self.path / LIST).exists() and any(self.path.iterdir()):
+        if not files.exists(self.path / LIST) and files.inside(self.path):
             raise OutputError(
                 f"{self.path}: was not made by zsmoseg and is not empty; give another output folder (-o)"
             )
@@ -54,9 +55,8 @@ class Output:
                 return f"{name} not written yet"
             if entry["key"] != key:
                 return f"{name} is of other settings"
-            try:
-                size = (self.path / name).stat().st_size
-            except OSError:
+            size = files.size(self.path / name)
+            if size is None:
                 return f"{name} is gone"
             if size != entry["size"]:
                 return f"{name} was changed"
@@ -64,7 +64,7 @@ class Output:
 
     def claim(self, stages: Mapping[str, Mapping[str, Any]]) -> None:
         """Make the folder, put our name on it and what the ``stages`` are about to leave, before the first file."""
-        self.path.mkdir(parents=True, exist_ok=True)
+        files.make_folder(self.path)
         self.stages.update({name: dict(about) for name, about in stages.items()})
         self._write()
 
@@ -73,11 +73,16 @@ class Output:
         self.files.update({name: {"size": size, "key": key} for name, size in sizes.items()})
         self._write()
 
+    def write(self, name: str, content: bytes, key: str) -> None:
+        """Write a file, whole or not at all, and note it."""
+        files.write_whole(self.path / name, content)
+        self.add({name: len(content)}, key)
+
     def remove_others(self, keep: Iterable[str]) -> None:
         """Remove the files of ours that are not among ``keep``."""
         kept = set(keep)
         for name in [n for n in self.files if n not in kept]:
-            (self.path / name).unlink(missing_ok=True)
+            files.remove(self.path / name)
             del self.files[name]
         self._write()
 

@@ -1,4 +1,4 @@
-"""Small JSON files that appear whole or not at all, and the records of runs. Standard library only.
+"""Small JSON files that appear whole or not at all. Standard library only.
 
 A *record* carries a checksum of its content: cut off, emptied or changed by a flipped bit, it reads as None.
 """
@@ -6,25 +6,13 @@ A *record* carries a checksum of its content: cut off, emptied or changed by a f
 from __future__ import annotations
 
 import json
-import platform
-import uuid
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
-
-if TYPE_CHECKING:
-    from zsmoseg.stores.location import Store
-
-PACKAGES = ("zsmoseg", "numpy", "scipy", "zarr", "numcodecs", "numba", "opencv-python-headless", "av")
-"""What a run notes the version of."""
 
 
 def read_json(path: Path) -> dict[str, Any] | None:
@@ -101,90 +89,3 @@ def recall_record(path: Path) -> dict[str, Any] | None:
 @lru_cache(maxsize=64)
 def _parsed(path: Path, signature: tuple[int, int, int]) -> dict[str, Any] | None:
     return read_record(path)
-
-
-# ---------------------------------------------------------------------- runs
-@dataclass
-class RunRecord:
-    """The record of one run: ``runs/<UTC time>-<id>.json``."""
-
-    path: Path
-    content: dict[str, Any]
-
-    @classmethod
-    def begin(cls, store: Store, settings: Mapping[str, Any], videos: Mapping[str, Any]) -> RunRecord:
-        """Note what is about to run.
-
-        Parameters
-        ----------
-        settings
-            All settings by dotted name.
-        videos
-            By name: ``video`` (its id), ``keys`` (stage to key) and what else is worth remembering.
-        """
-        now = datetime.now(UTC)
-        name = f"{now:%Y%m%dT%H%M%S.%fZ}-{uuid.uuid4().hex[:6]}"
-        content = {
-            "id": name,
-            "begun": now.isoformat(timespec="seconds"),
-            "settings": dict(settings),
-            "videos": dict(videos),
-            "versions": versions(),
-            "outcome": "running",
-        }
-        record = cls(run_path(store, name), content)
-        write_record(record.path, content)
-        return record
-
-    def end(self, outcome: str, failures: Mapping[str, str], traces: Mapping[str, str]) -> None:
-        """Note how it ended; ``traces`` of what nobody expected."""
-        ended = datetime.now(UTC).isoformat(timespec="seconds")
-        self.content |= {"outcome": outcome, "failures": dict(failures), "ended": ended}
-        if traces:
-            self.content["traces"] = dict(traces)
-        write_record(self.path, self.content)
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that the results come from, as far as they are installed."""
-    found = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
-def run_path(store: Store, run: str) -> Path:
-    """Where the record of a run is."""
-    return store.runs / f"{run}.json"
-
-
-def run_ids(store: Store) -> list[str]:
-    """The ids of all runs, the latest last; those with a damaged record too."""
-    return sorted(path.stem for path in store.runs.glob("*.json"))
-
-
-def read_run(store: Store, run: str) -> dict[str, Any] | None:
-    """The record of a run; None where it is missing or damaged."""
-    record = read_record(run_path(store, run))
-    return record if record and "videos" in record and "id" in record else None
-
-
-def list_runs(store: Store) -> list[dict[str, Any]]:
-    """The records of all runs, the latest last; damaged ones are left out."""
-    return [record for run in run_ids(store) if (record := read_run(store, run))]
-
-
-def forget_run(store: Store, run: str) -> None:
-    """Drop a run; what it alone reached is garbage then.
-
-    Raises
-    ------
-    StoreError
-        If there is no such run.
-    """
-    if run not in run_ids(store):
-        raise StoreError(f"{store.path}: no run {run}; see zsmoseg runs")
-    files.remove(run_path(store, run))

@@ -1,20 +1,17 @@
-"""How arrays lie on disk: Zarr v3, only codecs of its specification, so that any reader can open them."""
+"""How video arrays lie on disk: Zarr v3, only codecs of its specification, so that any reader can open them."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
+
+from zsmoseg.stores.artifact import RECORDS
+from zsmoseg.stores.fields import TIMES, Codec, Field
 
 if TYPE_CHECKING:
     from types import ModuleType
-
-FORMAT = 1
-"""Version of the layout of a store; a newer one is refused. It is part of every key."""
-
-TABLES = "parts"
-"""The group that holds the tables of the parts."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,7 @@ class ArraySpec:
     units, long_name
         CF attributes.
     kind
-        Chooses the codec: ``image`` and ``flow`` (smooth numbers), ``label`` (runs of equal ones).
+        Chooses the codec.
     """
 
     name: str
@@ -43,13 +40,21 @@ class ArraySpec:
     scale: float = 1.0
     units: str = ""
     long_name: str = ""
-    kind: Literal["image", "flow", "label"] = "image"
+    kind: Codec = "image"
 
     def __post_init__(self) -> None:
-        if len(self.dims) != len(self.shape) or self.dims[0] not in ("frame", "pair"):
+        if len(self.dims) != len(self.shape) or self.dims[0] not in TIMES:
             raise ValueError(f"{self.name}: dims {self.dims} do not name {self.shape} from frame or pair on")
-        if not self.name.isidentifier() or self.name == TABLES:
+        if not self.name.isidentifier() or self.name == RECORDS:
             raise ValueError(f"{self.name}: no name for an array")
+
+    @classmethod
+    def of(cls, name: str, field: Field, sizes: Mapping[str, int]) -> ArraySpec:
+        """The declared ``field`` in a video whose dimensions have the ``sizes``."""
+        shape = tuple(sizes[dim] for dim in field.dims)
+        fill = int(field.fill) if float(field.fill).is_integer() else field.fill
+        about = field.scale, field.unit, field.meaning, field.codec
+        return cls(name, field.dims, shape, field.dtype, fill, *about)
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -101,8 +106,8 @@ def codecs(kind: str) -> tuple[Any, ...]:
     return (BloscCodec(cname="lz4", clevel=5, shuffle="shuffle"), Crc32cCodec())
 
 
-def layout(specs: Iterable[ArraySpec], length: int) -> dict[str, Any]:
-    """Content of every ``zarr.json`` of an artifact that no part owns, by relative path.
+def metadata_of(specs: Iterable[ArraySpec], length: int) -> dict[str, Any]:
+    """Content of the ``zarr.json`` of every video array, by its name.
 
     Parameters
     ----------
@@ -112,7 +117,6 @@ def layout(specs: Iterable[ArraySpec], length: int) -> dict[str, Any]:
     zarr = load_zarr()
     found: dict[str, Any] = {}
     root = zarr.create_group(zarr.storage.MemoryStore(found))
-    root.create_group(TABLES)
     for spec in specs:
         root.create_array(
             spec.name,
@@ -125,4 +129,5 @@ def layout(specs: Iterable[ArraySpec], length: int) -> dict[str, Any]:
             dimension_names=spec.dims,
             attributes=spec.attributes,
         )
-    return {name: json.loads(content.to_bytes()) for name, content in found.items()}
+    names = [name for name in found if name != "zarr.json"]
+    return {name.removesuffix("/zarr.json"): json.loads(found[name].to_bytes()) for name in names}

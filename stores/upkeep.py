@@ -8,9 +8,10 @@ from pathlib import Path
 
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
-from zsmoseg.stores.checks import Damage
+from zsmoseg.stores.checks import Damage, check
 from zsmoseg.stores.location import MARK, Store
-from zsmoseg.stores.records import forget_run, read_json, read_record, read_run, run_ids, run_path
+from zsmoseg.stores.records import read_json, read_record
+from zsmoseg.stores.runs import forget_run, read_run, run_ids, run_path
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ def garbage(store: Store, forget: Sequence[str] = ()) -> Garbage:
     left = {video[-16:] for video in store.videos() if store.path / video not in folders}
     stale = [
         path
-        for path in sorted((store.path / "fingerprints").glob("*.json"))
+        for path in files.matching(store.path / "fingerprints", "*.json")
         if str((read_record(path) or {}).get("fingerprint"))[:16] not in left
     ]
     gone = set(folders)
@@ -97,7 +98,7 @@ def verify(store: Store, deep: bool = True) -> list[Damage]:
         if video.description is None:
             found.append(Damage(video.path / "video.json", None, "is missing or damaged"))
         for artifact in video.artifacts():
-            found += artifact.check(deep)
+            found += check(artifact, deep)
     return found
 
 
@@ -105,7 +106,9 @@ def take_back(store: Store, deep: bool = True) -> list[Damage]:
     """As ``verify``; the next run redoes the parts that are damaged, and mends the rest by itself."""
     found = verify(store, deep)
     for damage in found:
-        if damage.part is not None:
-            video, stage, key = damage.path.relative_to(store.path).parts[:3]
-            store.artifact(video, stage, key).invalidate([damage.part])
+        place = damage.path.relative_to(store.path).parts
+        if len(place) > 3:
+            artifact = store.artifact(*place[:3])
+            files.remove(artifact.records / "done.json")
+            artifact.invalidate([] if damage.part is None else [damage.part])
     return found

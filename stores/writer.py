@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -12,10 +12,13 @@ import numpy as np
 
 from zsmoseg.errors import SpaceError
 from zsmoseg.stores import files
+from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.artifact import Artifact, PartRecord
+from zsmoseg.stores.fields import fields_of
 from zsmoseg.stores.fixedpoint import encode
+from zsmoseg.stores.packing import pack
+from zsmoseg.stores.reader import open_array
 from zsmoseg.stores.records import write_record
-from zsmoseg.stores.tables import GROUP, chunk_name, pack
 
 Array = np.ndarray[Any, Any]
 
@@ -39,87 +42,64 @@ class PartWriter:
         self._start, self._stop = artifact.parts[part]
         self._files: dict[Path, dict[str, int]] = {}
         self._clipped: dict[str, int] = {}
-        self._tables: dict[str, dict[str, str | None]] = {}
+        self._blocks: list[dict[str, Any]] = []
+        self._tables = files.Appended(artifact.tables_path(part))
         self._missing = set(artifact.arrays)
         self._clear()
 
-    def put_arrays(self, arrays: Mapping[str, Array]) -> None:
-        """Write the part's frames (or pairs) of video arrays, all at once.
-
-        Parameters
-        ----------
-        arrays
-            By name: (rows of this part, ...), physical values: floating where the array has a scale, else of
-            its own type.
+    def put(self, block: Arrays) -> None:
+        """Write what ``block`` holds: video arrays of all frames (or pairs) of the part, and tables of some.
 
         Raises
         ------
         TypeError, ValueError
-            If type or shape are not those of the array.
+            If type or shape are not those that its class declares.
         SpaceError
             If the disk is full.
         """
-        for name, values in arrays.items():
-            if name not in self.artifact.arrays:
-                raise ValueError(f"{name}: no video array of {self.artifact.path}")
-            array = self.artifact.zarr_array(name)
-            first, last = (min(edge, array.shape[0]) for edge in (self._start, self._stop))
-            expected = (last - first, *array.shape[1:])
-            if values.shape != expected:
-                raise ValueError(f"{name}, part {self.part}: expected shape {expected}, got {values.shape}")
-            try:
-                stored, clipped = encode(values, array.attrs, array.dtype)
-            except TypeError as error:
-                raise TypeError(f"{name}: {error}") from error
-            self._missing.discard(name)
-            if clipped:
-                self._clipped[name] = clipped
-            if last == first:
+        tables: dict[str, list[Any]] = {}
+        for name, field in fields_of(type(block)).items():
+            values = getattr(block, name)
+            if values is None:
                 continue
-            shard = self.artifact.shard(name, self.part)
-            with self._disk():
-                self._files[shard] = {}
-                array[first:last] = stored
-                content = shard.read_bytes()
-            self._files[shard] = _entry(content)
-
-    def put(
-        self, group: str, tables: Mapping[str, Array], dims: Mapping[str, Sequence[str]] | None = None
-    ) -> None:
-        """Tables of this part alone, of any length; ``group`` "" is the part's own group.
-
-        Parameters
-        ----------
-        tables
-            Booleans, integers or floating numbers, by name.
-        dims
-            Names of the dimensions, by table; without them a table has dimensions of its own.
-
-        Raises
-        ------
-        TypeError
-            If a table is of another kind.
-        SpaceError
-            If the disk is full.
-        """
-        if "/" in group or group.startswith("."):
-            raise ValueError(f"{group}: no name for a group of tables")
-        folder = self.artifact.table_folder(self.part)
-        for place in {folder, folder / group}:
-            self._write(place / "zarr.json", GROUP)
-        self._tables.setdefault(group, {})
-        for name, values in tables.items():
+            if field.grid is not None:
+                self._put_video(name, values)
+                continue
             array = np.asarray(values)
-            named = (dims or {}).get(name) or [f"{name}_{i}" for i in range(array.ndim)]
-            metadata, chunk = pack(array, named)
-            self._put_table(group, name, array.ndim, metadata, chunk)
-
-    def put_tables(
-        self, tables: Mapping[str, Array], group: str = "", dims: Mapping[str, Sequence[str]] | None = None
-    ) -> None:
-        """As ``put``, nothing where there are no tables."""
+            if array.dtype != field.dtype or array.ndim != len(field.dims):
+                raise TypeError(
+                    f"{name}: expected {field.dtype} {field.dims}, got {array.dtype} of shape {array.shape}"
+                )
+            content = pack(array)
+            with self._disk():
+                offset = self._tables.add(content)
+            entry = [field.dtype, list(array.shape), offset, len(content), files.crc32(content)]
+            tables[name] = entry
         if tables:
-            self.put(group, tables, dims)
+            self._blocks.append({"start": block.start, "stop": block.stop, "tables": tables})
+
+    def _put_video(self, name: str, values: Array) -> None:
+        if name not in self.artifact.arrays:
+            raise ValueError(f"{name}: no video array of {self.artifact.path}")
+        array = open_array(self.artifact, name)
+        first, last = (min(edge, array.shape[0]) for edge in (self._start, self._stop))
+        expected = (last - first, *array.shape[1:])
+        if values.shape != expected:
+            raise ValueError(f"{name}, part {self.part}: expected shape {expected}, got {values.shape}")
+        try:
+            stored, clipped = encode(values, array.attrs, array.dtype)
+        except TypeError as error:
+            raise TypeError(f"{name}: {error}") from error
+        self._missing.discard(name)
+        if clipped:
+            self._clipped[name] = clipped
+        if last == first:
+            return
+        shard = self.artifact.shard(name, self.part)
+        with self._disk():
+            self._files[shard] = {}
+            array[first:last] = stored
+            self._files[shard] = files.entry(shard)
 
     def close(self) -> PartRecord:
         """Write the record.
@@ -134,15 +114,20 @@ class PartWriter:
         if self._missing:
             lacking = ", ".join(sorted(self._missing))
             raise ValueError(f"{self.artifact.path}: part {self.part} lacks {lacking}")
-        facts = {**self.facts, "clipped": self._clipped} if self._clipped else self.facts
-        content = {
-            "start": self._start,
-            "stop": self._stop,
-            "files": {self._relative(path): entry for path, entry in self._files.items()},
-            "tables": self._tables,
-            "facts": facts,
-        }
         with self._disk():
+            if self._blocks:
+                self._tables.close()
+                self._files[self._tables.path] = {"size": self._tables.size, "crc32": self._tables.crc32}
+            facts = {**self.facts, "clipped": self._clipped} if self._clipped else self.facts
+            content = {
+                "start": self._start,
+                "stop": self._stop,
+                "files": {
+                    path.relative_to(self.artifact.path).as_posix(): e for path, e in self._files.items()
+                },
+                "blocks": self._blocks,
+                "facts": facts,
+            }
             write_record(self.artifact.record_path(self.part), content)
         record = self.artifact.part(self.part)
         assert record is not None
@@ -156,26 +141,8 @@ class PartWriter:
     ) -> None:
         if kind is None:
             self.close()
-
-    # ------------------------------------------------------------------ files
-    def _put_table(self, group: str, name: str, ndim: int, metadata: bytes, chunk: bytes | None) -> None:
-        twice = name in self._tables if not group else group in self._tables.get("", ())
-        if twice or not name.isidentifier():
-            raise ValueError(f"{group}/{name}: no name for a table, or that of a group")
-        place = self.artifact.table_folder(self.part) / group / name
-        self._write(place / "zarr.json", metadata)
-        content = place / chunk_name(ndim)
-        if chunk is not None:
-            self._write(content, chunk)
-        self._tables.setdefault(group, {})[name] = None if chunk is None else self._relative(content)
-
-    def _relative(self, path: Path) -> str:
-        return path.relative_to(self.artifact.path).as_posix()
-
-    def _write(self, path: Path, content: bytes) -> None:
-        with self._disk():
-            files.write(path, content)
-        self._files[path] = _entry(content)
+        else:
+            self._tables.close()
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
@@ -184,16 +151,24 @@ class PartWriter:
             with files.full_disk_in_words(self.artifact.path):
                 yield
         except SpaceError:
+            self._tables.close()
             self._clear()
             raise
 
     def _clear(self) -> None:
         """Remove what the part had; leftovers of killed writers too."""
         self.artifact.invalidate([self.part])
-        files.remove(self.artifact.table_folder(self.part))
+        files.remove(self._tables.path)
         for name in self.artifact.arrays:
-            files.remove(self.artifact.data / name / "c" / str(self.part))
+            files.remove(self.artifact.path / name / "c" / str(self.part))
 
 
-def _entry(content: bytes) -> dict[str, int]:
-    return {"size": len(content), "crc32": files.crc32(content)}
+def write_part(artifact: Artifact, part: int, *blocks: Arrays, **facts: Any) -> PartRecord:
+    """Write a part at once, over what it had before; see ``PartWriter``."""
+    with PartWriter(artifact, part) as writer:
+        for block in blocks:
+            writer.put(block)
+        writer.facts = facts
+    record = artifact.part(part)
+    assert record is not None
+    return record

@@ -9,9 +9,9 @@ import numpy as np
 from PIL import Image
 
 from zsmoseg.settings import resolve
-from zsmoseg.workflows.jobs import Outcome
-from zsmoseg.workflows.plan import VideoPlan
-from zsmoseg.workflows.run import Quiet, Report, Request, run
+from zsmoseg.workflows.planning.plan import VideoPlan
+from zsmoseg.workflows.running.jobs import Outcome
+from zsmoseg.workflows.running.run import Quiet, Report, Request, run
 
 
 class Counter(Quiet):
@@ -50,9 +50,7 @@ def masks(out: Path, kind: str = "masks") -> np.ndarray:
 
 
 def data_bytes(root: Path) -> dict[str, bytes]:
-    """Content of every file of the artifacts' data below ``root``, without records of time and place."""
-    return {
-        str(p.relative_to(root)): p.read_bytes()
-        for p in sorted(root.rglob("*"))
-        if p.is_file() and ("data.zarr" in p.parts or p.suffix == ".png")
-    }
+    """Content of every array, table and image below ``root``, without records of time and place."""
+    found = sorted(p for p in root.rglob("*") if p.is_file())
+    kept = [p for p in found if p.name == "zarr.json" or p.suffix not in (".json", ".csv", ".mp4")]
+    return {str(p.relative_to(root)): p.read_bytes() for p in kept}

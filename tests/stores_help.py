@@ -2,17 +2,46 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from zsmoseg.stores import writer
+from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.artifact import Artifact
+from zsmoseg.stores.beginning import begin
+from zsmoseg.stores.fields import table, video, videos_of
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.schema import ArraySpec
+from zsmoseg.stores.sealing import seal
 
 FINGERPRINT = "0123456789abcdef" * 4
 SIZE = (6, 7)
+FLOW = ("pair", "component", "y", "x")
+DESCRIPTION = {"stage": "flow", "key": "k0", "settings": {}}
+
+
+@dataclass(frozen=True)
+class Everything(Arrays):
+    """Every kind of array."""
+
+    image: NDArray[Any] = video("frame", "y", "x", "channel", dtype="uint8", meaning="frame")
+    forward: NDArray[Any] = video(
+        *FLOW, dtype="int16", meaning="flow", unit="px", fill=-32768, scale=1 / 64, codec="flow"
+    )
+    label: NDArray[Any] = video("frame", "y", "x", dtype="uint16", meaning="object", codec="label")
+    state: NDArray[Any] = table("pair", dtype="int32", meaning="number of the pair")
+    nothing: NDArray[Any] = table("row", "column", dtype="float32", meaning="no row at all")
+    flags: NDArray[Any] = table("flag", dtype="bool", meaning="three in every part")
+    scalar: NDArray[Any] = table(dtype="float64", meaning="of the first part")
+    object: NDArray[Any] = table("object", dtype="int64", meaning="of the part")
+    residual: NDArray[Any] = table(
+        "pair", "model", "object", dtype="float64", meaning="residual", unit="px^2"
+    )
+    area: NDArray[Any] = table("object", dtype="int64", meaning="sum over the parts", add=True)
 
 
 def cut(frames: int, length: int) -> list[tuple[int, int]]:
@@ -20,35 +49,52 @@ def cut(frames: int, length: int) -> list[tuple[int, int]]:
 
 
 def specs(frames: int) -> list[ArraySpec]:
-    pairs, scale = ("pair", "component", "y", "x"), 1 / 64
-    return [
-        ArraySpec("frame", ("frame", "y", "x", "channel"), (frames, *SIZE, 3), "uint8", long_name="frame"),
-        ArraySpec(
-            "forward", pairs, (frames - 1, 2, *SIZE), "int16", -32768, scale, "px", "flow", kind="flow"
-        ),
-        ArraySpec("label", ("frame", "y", "x"), (frames, *SIZE), "uint16", long_name="object", kind="label"),
-    ]
+    sizes = {"frame": frames, "pair": frames - 1, "y": SIZE[0], "x": SIZE[1], "component": 2, "channel": 3}
+    return [ArraySpec.of(name, field, sizes) for name, field in videos_of(Everything).items()]
+
+
+def times(frames: int) -> tuple[list[float], list[str]]:
+    return [t / 25 for t in range(frames)], [f"{t:05d}" for t in range(frames)]
 
 
 def content(frames: int, seed: int = 0) -> dict[str, np.ndarray]:
     """Whole arrays; flow in steps of 1/64 px, so that nothing is lost."""
     rng = np.random.default_rng(seed)
     return {
-        "frame": rng.integers(0, 256, (frames, *SIZE, 3), np.uint8),
+        "image": rng.integers(0, 256, (frames, *SIZE, 3), np.uint8),
         "forward": (rng.integers(-9000, 9000, (frames - 1, 2, *SIZE)) / 64).astype(np.float32),
         "label": rng.integers(0, 5, (frames, *SIZE), np.uint16),
     }
 
 
-def write_part(artifact: Artifact, part: int, whole: dict[str, np.ndarray], **more: Any) -> None:
+def block_of(artifact: Artifact, part: int, whole: dict[str, np.ndarray]) -> Everything:
+    """What a task leaves of a part: objects 0 and part + 1."""
     start, stop = artifact.parts[part]
-    tables = {
-        "state": np.arange(start, min(stop, len(whole["forward"])), dtype=np.int32),
-        "nothing": np.zeros((0, 4), np.float32),
-        "flags": np.array([True, False, True]),
-        "scalar": np.float64(part),
-    }
-    artifact.write(part, {name: values[start:stop] for name, values in whole.items()}, tables, **more)
+    pairs = np.arange(start, min(stop, len(whole["forward"])), dtype=np.int32)
+    return Everything(
+        start=start,
+        stop=stop,
+        **{name: values[start:stop] for name, values in whole.items()},
+        state=pairs,
+        nothing=np.zeros((0, 4), np.float32),
+        flags=np.array([True, False, True]),
+        scalar=np.float64(part),
+        object=np.array([0, part + 1]),
+        residual=np.arange(4.0).reshape(2, 2) + pairs[:, None, None],
+        area=np.array([10, part + 1]),
+    )
+
+
+def write_part(artifact: Artifact, part: int, whole: dict[str, np.ndarray], **facts: Any) -> None:
+    writer.write_part(artifact, part, block_of(artifact, part, whole), **facts)
+
+
+def lay_out(artifact: Artifact, frames: int = 10, length: int = 4) -> None:
+    begin(artifact, DESCRIPTION, cut(frames, length), specs(frames))
+
+
+def seal_it(artifact: Artifact) -> None:
+    seal(artifact, Everything, *times(artifact.parts[-1][1] if artifact.parts else 0))
 
 
 def make_store(root: Path) -> Store:
@@ -62,11 +108,11 @@ def make_artifact(
 ) -> Artifact:
     """Written and sealed."""
     artifact = store.artifact(store.video_id("goat", FINGERPRINT), "flow", key)
-    artifact.begin({"stage": "flow", "key": key, "settings": {}}, cut(frames, length), specs(frames))
+    begin(artifact, {**DESCRIPTION, "key": key}, cut(frames, length), specs(frames))
     whole = content(frames, seed)
     for part in range(len(artifact.parts)):
         write_part(artifact, part, whole)
-    artifact.seal()
+    seal_it(artifact)
     return artifact
 
 
@@ -97,8 +143,9 @@ def rewrite(path: Path, data: bytes) -> None:
 
 
 def data_files(artifact: Artifact) -> dict[str, bytes]:
+    """All that is Zarr."""
     return {
-        p.relative_to(artifact.data).as_posix(): p.read_bytes()
-        for p in sorted(artifact.data.rglob("*"))
-        if p.is_file()
+        p.relative_to(artifact.path).as_posix(): p.read_bytes()
+        for p in sorted(artifact.path.rglob("*"))
+        if p.is_file() and "records" not in p.parts
     }

@@ -19,12 +19,18 @@ from runs import masks, segment
 from zsmoseg.formats import find_for_video, open_depth, open_flow, open_masks
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.result import Result, open_store
+from zsmoseg.workflows.stages.cues.depth import Depth
+from zsmoseg.workflows.stages.cues.flow import Flow
 
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 """pycocotools' decoder, which only the tests use, is older than numpy 2."""
 
 
 @pytest.fixture(scope="module")
+def flow_of(result: Any) -> Flow:
+    return Flow.read(result.artifact("flow"))
+
+
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two runs of one clip: the last one has depth."""
     root = tmp_path_factory.mktemp("export")
@@ -119,10 +125,10 @@ def test_objects_are_all_labels_and_movers_may_be_painted_only_while_they_move(
 ) -> None:
     assert export(root, tmp_path / "all", "npz", "--what", "object") == 0
     assert export(root, tmp_path / "now", "npz", "--when", "now") == 0
-    labels = result.artifact("labels").read("label", 0, 10)
+    labels = result.labels.label
     with np.load(tmp_path / "all" / "disc.npz") as found:
         assert np.array_equal(found["segmentation"], labels)
-    group, moving = result.artifact("groups").read_table(0)["group"], result.moving()
+    group, moving = result.groups.group, result.moving()
     with np.load(tmp_path / "now" / "disc.npz") as found:
         for t, frame in enumerate(found["segmentation"]):
             assert np.array_equal(frame, np.where(moving[t], group, 0)[labels[t]])
@@ -175,7 +181,7 @@ def test_nerfstudio_masks_are_named_like_the_frames_and_zero_where_something_mov
 def test_opencv_reads_the_flo_files(root: Path, tmp_path: Path, result: Result) -> None:
     assert export(root, tmp_path, "flo") == 0
     for side in ("forward", "backward"):
-        stored = result.artifact("flow").read(side, 0, 9)
+        stored = getattr(flow_of(result), side)
         for t, flow in enumerate(stored):
             found = cv2.readOpticalFlow(str(tmp_path / "flow" / "disc" / side / f"{t:05d}.flo"))
             assert np.array_equal(np.moveaxis(found, 2, 0), flow)
@@ -189,10 +195,10 @@ def test_cues_are_read_back_by_our_own_readers(
     flow = open_flow(find_for_video(tmp_path / "flow", "disc"))
     assert (flow.count, flow.has_backward) == (9, True)
     for t in range(9):
-        assert np.array_equal(flow.read(t, "forward"), result.artifact("flow").read("forward", t, t + 1)[0])
-        assert np.array_equal(flow.read(t, "backward"), result.artifact("flow").read("backward", t, t + 1)[0])
+        assert np.array_equal(flow.read(t, "forward"), flow_of(result).forward[t])
+        assert np.array_equal(flow.read(t, "backward"), flow_of(result).backward[t])
     depth = open_depth(find_for_video(tmp_path / "depth", "disc"))
-    stored = result.artifact("depth").read("inverse_depth", 0, 10).astype(np.float32)
+    stored = Depth.read(result.artifact("depth")).inverse_depth.astype(np.float32)
     scale = stored.max() / 65535 if format == "png" else 1.0
     for t, name in enumerate(result.probe.names):
         assert np.allclose(depth.read(name) * scale, stored[t], atol=scale if format == "png" else 0)
@@ -210,14 +216,14 @@ def test_xarray_reads_the_copy(
     )
     with found:
         assert np.array_equal(found["mask"], painted)
-        assert np.array_equal(found["label"], result.artifact("labels").read("label", 0, 10))
+        assert np.array_equal(found["label"], result.labels.label)
         assert np.array_equal(found["moving"], result.moving())
         assert list(found["name"].values) == list(result.probe.names)
         assert np.array_equal(found["time"], result.probe.times)
         assert found["valid"].all()
         for side in ("forward", "backward"):
-            assert np.array_equal(found[side], result.artifact("flow").read(side, 0, 9))
-        assert np.array_equal(found["inverse_depth"], result.artifact("depth").read("inverse_depth", 0, 10))
+            assert np.array_equal(found[side], getattr(flow_of(result), side))
+        assert np.array_equal(found["inverse_depth"], Depth.read(result.artifact("depth")).inverse_depth)
         assert found["forward"].sel(pair=3, component="x").dims == ("grid_y", "grid_x")
 
 

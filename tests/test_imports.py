@@ -16,7 +16,11 @@ from zsmoseg.masks import encode_png
 from zsmoseg.settings import resolve
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.result import Result, open_store
-from zsmoseg.workflows.run import Request, dry_run
+from zsmoseg.workflows.running.run import Request, dry_run
+from zsmoseg.workflows.stages.cues.depth import Depth
+from zsmoseg.workflows.stages.cues.flow import Flow
+from zsmoseg.workflows.stages.given.objects import GivenObjects
+from zsmoseg.workflows.stages.given.proposals import Proposals
 
 FRAMES = 8
 
@@ -47,9 +51,9 @@ def brought(tmp_path_factory: pytest.TempPathFactory, truth: np.ndarray) -> Path
     write_folder(root / "disc", draw_clip(0, FRAMES)[0])
     write_masks(root / "masks" / "disc", truth)
     report, _ = segment(root / "disc", root / "own")
-    flow = result_of(report, root / "own").artifact("flow")
+    flow = Flow.read(result_of(report, root / "own").artifact("flow"))
     (root / "flow").mkdir()
-    both = {side: flow.read(side, 0, FRAMES - 1) for side in ("forward", "backward")}
+    both = {"forward": flow.forward, "backward": flow.backward}
     np.savez(root / "flow" / "disc.npz", **both)
     (root / "depth").mkdir()
     ramp = np.tile(np.linspace(5.0, 1.0, 120)[:, None], (1, 160))
@@ -101,7 +105,7 @@ def test_depth_that_is_larger_farther_is_the_inverse_of_depth_that_is_larger_nea
     for kind, path in (("depth", brought / "depth"), ("inverse-depth", tmp_path / "disc.npy")):
         settings = {"depth.path": str(path), "depth.kind": kind, "proposals.path": str(brought / "masks")}
         report, _ = segment(brought / "disc", tmp_path / kind, settings)
-        read.append(result_of(report, tmp_path / kind).artifact("depth").read("inverse_depth", 0, FRAMES))
+        read.append(Depth.read(result_of(report, tmp_path / kind).artifact("depth")).inverse_depth)
         assert report.plans[0].stages["groups"].settings["motion"]["model"] == "screw-shift"
     np.testing.assert_allclose(read[0].astype(float), read[1].astype(float), rtol=2e-3)
     assert read[0][0, -1, 0] > 3 * read[0][0, 0, 0], "near is large"
@@ -192,7 +196,7 @@ def test_overlapping_detections_count_their_hidden_pixels(brought: Path, tmp_pat
     artifact = report.plans[0].stages["proposals"].artifact
     assert artifact is not None
     assert [artifact.part(i).facts["hidden"] for i in range(2)] == [1600, 1600]  # type: ignore[union-attr]
-    assert (artifact.read("mask", 0, 1)[0][45:55, 45:55] == 2).all(), "the higher score is on top"
+    assert (Proposals.read(artifact).mask[0][45:55, 45:55] == 2).all(), "the higher score is on top"
 
 
 def test_a_cropped_range_uses_the_masks_of_its_frames(
@@ -226,11 +230,11 @@ def test_every_setting_of_imports_changes_the_objects(
     assert words in "\n".join(
         dry_run(Request([str(brought / "disc")], tmp_path / "out", tmp_path / "store", settings))
     )
-    tables = result_of(before, tmp_path).artifact("objects").read_table(0)
+    old = GivenObjects.read(result_of(before, tmp_path).artifact("objects"))
     after, counter = segment(brought / "disc", tmp_path, {**start, **change})
     assert "objects" in counter.stages
-    now = result_of(after, tmp_path).artifact("objects").read_table(0)
-    assert tables["object"].tolist() != now["object"].tolist()
+    now = GivenObjects.read(result_of(after, tmp_path).artifact("objects"))
+    assert old.object_of.tolist() != now.object_of.tolist()
 
 
 def test_files_that_changed_after_an_import_are_not_read_under_its_key(

@@ -21,7 +21,7 @@ def result(clip: Path, tmp_path_factory: pytest.TempPathFactory):
 
 def test_masks_are_those_of_the_output_folder(result) -> None:
     root, found = result
-    for kind, folder in (("group", "masks"), ("thing", "objects")):
+    for kind, folder in (("group", "masks"), ("instance", "objects")):
         np.testing.assert_array_equal(found.masks(kind).values, masks(root / "out" / "disc", folder))
     moving = found.masks("moving")
     assert moving.dtype == bool
@@ -35,7 +35,7 @@ def test_the_tree_holds_every_array_with_units_and_times(result) -> None:
     assert flow.dims == ("pair", "component", "y", "x")
     assert flow.attrs["units"] == "px"
     assert 1.5 < float(abs(flow.sel(component="x")).median()) < 2.5
-    np.testing.assert_allclose(found.tree["frames/frame"].time, np.arange(10) / 25)
+    np.testing.assert_allclose(found.tree["frames/image"].time, np.arange(10) / 25)
 
 
 def test_objects_are_a_table_of_what_was_seen(result) -> None:
@@ -58,7 +58,7 @@ def test_the_store_opens_weeks_later(result) -> None:
 def test_a_client_or_the_address_of_a_scheduler_gives_the_same_bytes(
     result, clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("zsmoseg.workflows.run.SMALL", 0.0)
+    monkeypatch.setattr("zsmoseg.workflows.running.run.SMALL", 0.0)
     expected = data_bytes(result[0])
     with (
         dask.distributed.LocalCluster(

@@ -54,7 +54,7 @@ def test_the_bytes_are_the_same_with_dask_whatever_the_workers(
     expected = data_bytes(finished)
     for workers in (1, 2):
         root = tmp_path / str(workers)
-        from zsmoseg.workflows import run as module
+        from zsmoseg.workflows.running import run as module
 
         module_small, module.SMALL = module.SMALL, 0.0
         try:

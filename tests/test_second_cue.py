@@ -13,7 +13,9 @@ from runs import segment
 
 from zsmoseg.masks import encode_png
 from zsmoseg.settings import resolve
-from zsmoseg.workflows.run import Request, dry_run
+from zsmoseg.workflows.running.run import Request, dry_run
+from zsmoseg.workflows.stages.motion.affinity import Affinity
+from zsmoseg.workflows.stages.motion.groups import Groups
 
 SPECTRAL = {"groups.rule": "spectral", "affinity.cues": "both"}
 
@@ -34,9 +36,8 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]
     return root, settings
 
 
-def affinity_of(report: Any) -> dict[str, np.ndarray]:
-    artifact = report.plans[0].stages["affinity"].artifact
-    return artifact.read_table(0, artifact.groups(0)[0])
+def affinity_of(report: Any) -> Affinity:
+    return Affinity.read(report.plans[0].stages["affinity"].artifact)
 
 
 def test_both_cues_find_the_disc_and_leave_an_affinity_each(base: tuple[Path, dict[str, Any]]) -> None:
@@ -44,9 +45,9 @@ def test_both_cues_find_the_disc_and_leave_an_affinity_each(base: tuple[Path, di
     report, counter = segment(root / "disc", root / "run", settings)
     assert not counter.stages, "nothing to do a second time"
     table = affinity_of(report)
-    assert table["agreement"].shape == (2, 4, 4)
-    assert table["affinity"][2, 3] > table["affinity"][1, 2]
-    groups = report.plans[0].stages["groups"].artifact.read_table(0)["group"]
+    assert table.agreement.shape == (2, 4, 4)
+    assert table.affinity[2, 3] > table.affinity[1, 2]
+    groups = Groups.read(report.plans[0].stages["groups"].artifact).group
     assert groups.tolist() == [0, 1, 0, 0]
 
 
@@ -82,4 +83,6 @@ def test_its_settings_recompute_what_reads_them_and_change_the_affinity(
     expected = set(order[order.index(first) :])
     assert counter.stages == expected
     old, new = affinity_of(before), affinity_of(after)
-    assert any(old[n].shape != new[n].shape or (old[n] != new[n]).any() for n in old)
+    names = ("agreement", "together", "affinity")
+    pairs = [(getattr(old, name), getattr(new, name)) for name in names]
+    assert any(a.shape != b.shape or (a != b).any() for a, b in pairs)

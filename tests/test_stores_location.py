@@ -20,10 +20,12 @@ from stores_help import FINGERPRINT, content, delete, empty, flip, make_artifact
 
 from zsmoseg.errors import SpaceError, StoreError
 from zsmoseg.stores import files
-from zsmoseg.stores.keys import key
+from zsmoseg.stores.beginning import begin
+from zsmoseg.stores.keys import FORMAT, key
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.records import RunRecord, forget_run, list_runs, read_record, read_run, write_record
-from zsmoseg.stores.schema import FORMAT
+from zsmoseg.stores.reader import read_video
+from zsmoseg.stores.records import read_record, write_record
+from zsmoseg.stores.runs import RunRecord, forget_run, list_runs, read_run
 from zsmoseg.stores.upkeep import garbage, remove_garbage, verify
 
 Harm = Callable[[Path], None]
@@ -121,11 +123,19 @@ def test_a_folder_of_other_things_is_refused_and_left_alone(create: bool, tmp_pa
     assert [p.name for p in tmp_path.iterdir()] == ["holiday.jpg"]
 
 
-def test_a_store_of_a_newer_format_is_refused_with_both_versions(store: Store) -> None:
-    (store.path / "zsmoseg.json").write_text(json.dumps({"format": FORMAT + 1, "more": []}))
-    with pytest.raises(StoreError, match=f"format {FORMAT + 1}, this zsmoseg reads up to format {FORMAT}"):
+@pytest.mark.parametrize(
+    ("version", "what"), [(FORMAT + 1, "a newer zsmoseg"), (FORMAT - 1, "an older zsmoseg")]
+)
+def test_a_store_of_another_format_is_refused_with_both_versions_and_what_to_do(
+    version: int, what: str, store: Store
+) -> None:
+    (store.path / "zsmoseg.json").write_text(json.dumps({"format": version, "more": []}))
+    words = (
+        f"format {version}, this zsmoseg writes format {FORMAT}; use {what} for it, or give another folder"
+    )
+    with pytest.raises(StoreError, match=words):
         Store.open(store.path, create=True)
-    assert json.loads((store.path / "zsmoseg.json").read_text())["format"] == FORMAT + 1
+    assert json.loads((store.path / "zsmoseg.json").read_text())["format"] == version
 
 
 @pytest.mark.parametrize("harm", [delete, empty, truncate])
@@ -166,7 +176,7 @@ def test_what_is_known_of_a_video_is_written_again_when_damaged(harm: Harm, stor
     harm(video.path / "video.json")
     assert video.description is None
     assert [damage.path.name for damage in verify(store)] == ["video.json"]
-    store.describe_video(video.id, "goat.mp4", FINGERPRINT, {"frames": 10})
+    store.describe_video(video.path.name, "goat.mp4", FINGERPRINT, {"frames": 10})
     assert video.description == {"source": "goat.mp4", "fingerprint": FINGERPRINT, "probe": {"frames": 10}}
 
 
@@ -226,7 +236,7 @@ def test_gc_keeps_what_any_run_reaches(store: Store) -> None:
     assert garbage(store).paths == []
     remove_garbage(store, garbage(store, [first]), [first])
     assert not kept.path.exists()
-    np.testing.assert_array_equal(other.read("label", 0, 10), content(10)["label"])
+    np.testing.assert_array_equal(read_video(other, "label", 0, 10), content(10)["label"])
 
 
 def test_gc_takes_a_video_that_no_run_names_and_its_fingerprint(store: Store) -> None:
@@ -270,23 +280,23 @@ def test_leftovers_go_only_when_they_are_old(store: Store) -> None:
     remember(store, "k1")
     old = [
         leave(store.runs / ".a.json.12.tmp", 4000),
-        leave(artifact.data / "label" / "c" / "0" / "0" / "0.34.partial", 4000),
+        leave(artifact.path / "label" / "c" / "0" / "0" / "0.34.partial", 4000),
     ]
-    young = leave(artifact.data / "label" / "c" / "0" / "0" / "0.56.partial", 60)
+    young = leave(artifact.path / "label" / "c" / "0" / "0" / "0.56.partial", 60)
     assert sorted(garbage(store).paths) == sorted(old)
     Store.open(store.path, create=False)
     assert all(p.exists() for p in old)
     Store.open(store.path, create=True)
     assert [p.exists() for p in old] == [False, True]
     artifact.invalidate([1])
-    artifact.begin({"stage": "flow", "key": "k1", "settings": {}}, artifact.parts, specs(10))
+    begin(artifact, {"stage": "flow", "key": "k1", "settings": {}}, artifact.parts, specs(10))
     assert [p.exists() for p in (old[1], young)] == [False, True]
 
 
 def test_leftovers_in_an_artifact_that_goes_are_counted_once(store: Store) -> None:
     artifact = make_artifact(store, "k1")
     remember(store, "k2")
-    leave(artifact.data / ".zarr.json.78.tmp", 4000)
+    leave(artifact.path / ".zarr.json.78.tmp", 4000)
     assert garbage(store).paths == [artifact.path]
 
 
@@ -306,13 +316,15 @@ def test_looking_at_records_imports_the_standard_library_only(store: Store) -> N
     remember(store, "k1")
     script = f"""
 import sys
+from zsmoseg.stores.checks import joined_problem, part_problem
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.records import list_runs
+from zsmoseg.stores.runs import list_runs
 from zsmoseg.stores.upkeep import garbage, verify
 store = Store.open({str(store.path)!r}, create=True)
 for artifact in store.artifacts():
     assert artifact.done and artifact.parts
-    assert not any(artifact.part_problem(part) for part in range(len(artifact.parts)))
+    assert not any(part_problem(artifact, part) for part in range(len(artifact.parts)))
+    assert not joined_problem(artifact)
 assert len(list_runs(store)) == 1 and not garbage(store).paths and not verify(store)
 heavy = {{"numpy", "zarr", "xarray", "dask", "numcodecs", "google_crc32c"}} & set(sys.modules)
 assert not heavy, heavy
@@ -326,13 +338,15 @@ def test_beginning_what_is_there_already_does_not_import_zarr(store: Store) -> N
 import sys
 from pathlib import Path
 from zsmoseg.stores.artifact import Artifact
+from zsmoseg.stores.beginning import begin
+from zsmoseg.stores.reader import blocks, read_table
 from zsmoseg.stores.schema import ArraySpec
 artifact = Artifact(Path({str(artifact.path)!r}))
 tuples = [{{**a, "dims": tuple(a["dims"]), "shape": tuple(a["shape"])}} for a in artifact.arrays.values()]
 specs = [ArraySpec(**fields) for fields in tuples]
-artifact.begin({{"stage": "flow", "settings": {{"other": 1}}}}, artifact.parts, specs)
+begin(artifact, {{"stage": "flow", "settings": {{"other": 1}}}}, artifact.parts, specs)
 assert artifact.done and artifact.description["settings"] == {{"other": 1}}
-assert artifact.read_table(0)["scalar"] == 0
+assert read_table(artifact, blocks(artifact, 0, 4)[0], "scalar") == 0
 assert "zarr" not in sys.modules
 """
     subprocess.run([sys.executable, "-c", script], check=True)

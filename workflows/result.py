@@ -12,11 +12,14 @@ import numpy as np
 from zsmoseg.errors import StageError, StoreError
 from zsmoseg.settings import resolve
 from zsmoseg.stores.artifact import Artifact
+from zsmoseg.stores.dataset import open_dataset
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.records import list_runs
+from zsmoseg.stores.runs import list_runs
 from zsmoseg.video import Probe
-from zsmoseg.workflows.run import Request, run
-from zsmoseg.workflows.stages.masks import moving_objects
+from zsmoseg.workflows.running.run import Request, run
+from zsmoseg.workflows.stages.front_end import Labels
+from zsmoseg.workflows.stages.given.objects import GivenObjects
+from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,6 +29,8 @@ if TYPE_CHECKING:
 
 BLOCK = 16
 """Frames that a lazy mask reads at once."""
+COLUMNS = ("object", "group", "instance", "frames", "area", "score", "threshold", "visibility")
+"""Of the table of objects."""
 LAST = "masks"
 """What a run to the end reaches."""
 
@@ -90,23 +95,23 @@ class Result:
 
     @property
     def tree(self) -> xr.DataTree:
-        """Every video array, labelled, in physical units, read lazily: ``tree["flow/forward"]``."""
+        """Every array of every stage, labelled, in physical units, read lazily: ``tree["flow/forward"]``.
+
+        A stage that left no array (a depth that is constant) has no node.
+        """
         import xarray as xr
 
-        probe = self.probe
-        parts = {}
-        for stage in self.keys:
-            if (self.artifact(stage).path / "artifact.json").exists():
-                parts[stage] = self.artifact(stage).dataset(list(probe.times), list(probe.names))
-        return xr.DataTree.from_dict(parts, name=self.name)
+        found = {stage: self.artifact(stage) for stage in self.keys}
+        parts = {name: open_dataset(artifact) for name, artifact in found.items() if artifact.description}
+        return xr.DataTree.from_dict({n: d for n, d in parts.items() if d.variables}, name=self.name)
 
-    def masks(self, kind: Literal["moving", "group", "thing"] = "moving") -> xr.DataArray:
-        """Masks (frame, y, x), read when used: ``moving`` bool, ``group`` and ``thing`` integers, 0 = static."""
+    def masks(self, kind: Literal["moving", "group", "instance"] = "moving") -> xr.DataArray:
+        """Masks (frame, y, x), read when used: ``moving`` bool, ``group`` and ``instance`` integers, 0 = static."""
         import xarray as xr
 
-        labels = self.artifact("labels").dataset(self.probe.times, self.probe.names)["label"]
-        table = self.artifact("groups").read_table(0)
-        number: NDArray[np.int64] = table["thing" if kind == "thing" else "group"]
+        labels = open_dataset(self.artifact("labels"))["label"]
+        groups = self.groups
+        number: NDArray[np.int64] = groups.instance if kind == "instance" else groups.group
         lookup = number > 0 if kind == "moving" else number
         chunked = labels.chunk(frame=BLOCK)
         masks: xr.DataArray = xr.apply_ufunc(
@@ -116,23 +121,32 @@ class Result:
         return masks
 
     @property
+    def groups(self) -> Groups:
+        """What the stage ``groups`` left: arrays by object, by frame and object, by shot."""
+        return Groups.read(self.artifact("groups"))
+
+    @property
+    def labels(self) -> Labels:
+        """What the stage ``labels`` left: the object of every pixel."""
+        return Labels.read(self.artifact("labels"))
+
+    @property
     def objects(self) -> pd.DataFrame:
-        """One row an object: object, group, thing, frames, area, score (px), threshold (px), visibility.
+        """One row an object: object, group, instance, frames, area, score (px), threshold (px), visibility.
 
         Of imported masks with ids also ``origin``, the id in the files.
         """
         import pandas as pd
 
-        table = self.artifact("groups").read_table(0)
-        seen = np.flatnonzero(table["area"] > 0)
-        table |= {n: c for n, c in self.artifact("objects").read_table(0).items() if n == "origin"}
-        columns = {n: c[seen] for n, c in table.items() if len(c) == len(table["group"])}
-        return pd.DataFrame({"object": seen, **columns})
+        groups = self.groups
+        columns = {name: getattr(groups, name) for name in COLUMNS}
+        if "proposals" in self.keys:
+            columns["origin"] = GivenObjects.read(self.artifact("objects")).origin
+        return pd.DataFrame({name: column[groups.area > 0] for name, column in columns.items()})
 
     def moving(self) -> NDArray[np.bool_]:
         """(frame, object) whether each object moves at each frame."""
-        count = len(self.artifact("groups").read_table(0)["group"])
-        return moving_objects(self.artifact("groups"), 0, len(self.probe.times), count)
+        return moving_objects(self.groups, 0, len(self.probe.times))
 
 
 class OpenStore:

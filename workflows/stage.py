@@ -1,46 +1,53 @@
-"""What a stage is: an entry that says what it reads and leaves, and a task that computes one part of it."""
+"""What a stage is: an entry that says what it reads and leaves, and a task that computes one part of it.
+
+A stage is one file: a dataclass of what it leaves (``Arrays``), one of what it reads (``Inputs``), one of the
+settings that it reads (``Sections``), its task, and ``STAGE``. A task gets nothing else, and mypy sees it.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import SimpleNamespace
-from typing import Any, Literal
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Generic, Literal, TypeVar, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
-from zsmoseg.stores.artifact import Artifact
+from zsmoseg import settings
+from zsmoseg.stores.arrays import Arrays
+from zsmoseg.stores.fields import LABELS, Grid, videos_of
 from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.video import Probe, read_ignore
 
-Array = np.ndarray[Any, Any]
 ALL = -1
 """Reach of an input of which every part is needed."""
 
 
-@dataclass(frozen=True)
-class Left:
-    """What a task leaves: video arrays (this part's frames or pairs), tables of its own, small facts.
+def reach(frames: int = 0) -> Any:
+    """An input, read so many frames beyond the part's own; ``ALL``: the whole video."""
+    return dataclasses.field(metadata={"reach": frames})
 
-    ``groups`` are written one by one before ``tables``, so a long task may make them as it goes.
+
+@dataclass(frozen=True)
+class Part:
+    """One part of a stage: frames ``start`` to ``stop - 1`` of a video.
+
+    Attributes
+    ----------
+    out
+        The output folder, for stages that leave files.
+    facts
+        What the task notes for the record, JSON types.
     """
-
-    arrays: Mapping[str, Array] = field(default_factory=dict)
-    tables: Mapping[str, Array] = field(default_factory=dict)
-    groups: Iterable[tuple[str, Mapping[str, Array]]] = ()
-    facts: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Task:
-    """One part of a stage, as its task sees it: only what the stage declared."""
 
     probe: Probe
     start: int
     stop: int
-    settings: SimpleNamespace
-    inputs: Mapping[str, Artifact]
-    out: str = ""
+    out: Path = Path()
+    facts: dict[str, Any] = field(default_factory=dict)
 
     @property
     def frames(self) -> int:
@@ -48,52 +55,111 @@ class Task:
         return len(self.probe.times)
 
     @property
-    def grid(self) -> tuple[int, int]:
-        """Height and width of the working grid."""
-        return working_size(self.probe, self.settings.frames.width)
-
-    @property
-    def ignored(self) -> Array | None:
-        """(h, w) true where pixels count for nothing, on the working grid; None without a mask."""
-        return self.ignored_at(*self.inputs["frames"].shape("frame")[1:3])
-
-    def ignored_at(self, height: int, width: int) -> Array | None:
-        """The same at another size."""
-        mask = self.settings.ignore.mask
-        return read_ignore(mask, height, width) if mask else None
-
-    @property
     def last_pair(self) -> int:
         """End of the pairs that start in this part."""
         return min(self.stop, self.frames - 1)
 
+    @property
+    def displayed(self) -> tuple[int, int]:
+        """Height and width of the frames as displayed."""
+        return self.probe.height, self.probe.width
+
+
+def ignored(section: settings.Ignore, height: int, width: int) -> NDArray[np.bool_] | None:
+    """(height, width) true where pixels count for nothing; None without a mask."""
+    return read_ignore(section.mask, height, width) if section.mask else None
+
+
+I = TypeVar("I")  # noqa: E741
+S = TypeVar("S")
+Task = Callable[[Part, I, S], Iterable[Arrays]]
+"""Yields what it leaves, a run of frames at a time; a stage that leaves files notes their sizes in ``facts``."""
+
 
 @dataclass(frozen=True)
-class Stage:
+class Stage(Generic[I, S]):
     """The entry of a stage.
 
-    ``inputs`` maps each stage read to its reach: how many frames beyond the part's own, or ``ALL``.
-    ``sections`` are the settings read. ``arrays`` tells the video arrays for (probe, settings).
-    ``version`` is raised by hand when the values change with equal settings. A stage with ``files``
-    leaves them in the output folder instead of an artifact: the names for (probe, start, stop, settings).
-    ``cost`` is what a frame of 480p takes on one core where nothing was measured yet: ms and kB
-    (``benchmarks/stage_costs.py``); it serves the estimate before a run only.
+    Attributes
+    ----------
+    version
+        Raised by hand when the values change with equal settings.
+    leaves
+        What its artifact holds; None where it leaves files in the output folder.
+    inputs
+        A dataclass: each field the artifact of the stage of that name, with its ``reach``.
+    sections
+        A dataclass: each field the section of the settings of that name.
+    scope
+        A part is a chunk, or the whole video.
+    files
+        Names of the files that it leaves for frames start to stop, for (probe, start, stop, sections).
+    labels
+        Labels of dimensions that depend on the settings.
+    nothing
+        Whether it leaves no array with these settings.
+    cost
+        What a frame of 480p takes on one core where nothing was measured yet: ms and kB
+        (``benchmarks/stage_costs.py``); it serves the estimate before a run only.
     """
 
     name: str
     version: int
-    task: Callable[[Task], Left]
-    inputs: Mapping[str, int]
-    sections: Sequence[str]
+    task: Task[I, S]
+    inputs: type[I]
+    sections: type[S]
+    leaves: type[Arrays] | None = None
     scope: Literal["chunk", "video"] = "chunk"
-    arrays: Callable[[Probe, SimpleNamespace], list[ArraySpec]] = lambda probe, settings: []
-    files: Callable[[Probe, int, int, SimpleNamespace], list[str]] | None = None
+    files: Callable[[Probe, int, int, S], list[str]] | None = None
+    labels: Callable[[S], Mapping[str, Sequence[str]]] = lambda sections: {}
+    nothing: Callable[[S], bool] = lambda sections: False
     cost: tuple[float, float] = (0.0, 0.0)
 
     @property
     def output(self) -> bool:
         """Whether it leaves files for the user."""
         return self.files is not None
+
+    @cached_property
+    def reaches(self) -> dict[str, int]:
+        """The stages that it reads, and how many frames beyond the part's own."""
+        return {f.name: f.metadata["reach"] for f in dataclasses.fields(self.inputs)}  # type: ignore[arg-type]
+
+    @cached_property
+    def reads(self) -> dict[str, type[Arrays]]:
+        """The stages that it reads, and as what."""
+        return get_type_hints(self.inputs)
+
+    @cached_property
+    def section_names(self) -> tuple[str, ...]:
+        """The sections of the settings that it reads."""
+        return tuple(f.name for f in dataclasses.fields(self.sections))  # type: ignore[arg-type]
+
+    def chosen(self, given: settings.Settings) -> S:
+        """The sections that it reads, of all settings."""
+        return self.sections(**{name: getattr(given, name) for name in self.section_names})
+
+    def video_arrays(self, probe: Probe, given: settings.Settings) -> list[ArraySpec]:
+        """The arrays whose size is known before anything is computed."""
+        if self.leaves is None or self.nothing(self.chosen(given)):
+            return []
+        frames = len(probe.times)
+        fixed = {dim: len(text) for dim, text in LABELS.items()}
+        sizes = {"frame": frames, "pair": frames - 1, **fixed}
+        width = given.frames.width if "frames" in self.section_names else None
+        return [
+            ArraySpec.of(name, declared, {**sizes, **_grid(probe, declared.grid, width)})
+            for name, declared in videos_of(self.leaves).items()
+        ]
+
+
+def _grid(probe: Probe, grid: Grid | None, width: int | None) -> dict[str, int]:
+    """Rows and columns of a video array; of the working grid only where the stage reads how wide that is."""
+    if grid == "displayed":
+        return {"y": probe.height, "x": probe.width}
+    assert width is not None, "a stage that leaves arrays on the working grid reads the section frames"
+    height, width = working_size(probe, width)
+    return {"y": height, "x": width}
 
 
 def working_size(probe: Probe, width: int) -> tuple[int, int]:

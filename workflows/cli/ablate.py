@@ -63,9 +63,8 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.stores.output import Output
     from zsmoseg.workflows.ablation import ablate, cues, paper_steps, sweep
     from zsmoseg.workflows.evaluate.tables import render
-    from zsmoseg.workflows.progress import Steps
-    from zsmoseg.workflows.run import Request
-    from zsmoseg.workflows.stages.masks import write_bytes
+    from zsmoseg.workflows.running.progress import Steps
+    from zsmoseg.workflows.running.run import Request
 
     sweeps: dict[str, list[Variant]] = {}
     for text in options.sweep:
@@ -93,9 +92,9 @@ def main(options: argparse.Namespace) -> int:
         board = ablate(request, *given, variants, dataset, Steps())
         print(*_means(board, variants), sep="\n")
         file = f"{name}.{ENDINGS[options.format]}"
-        output.add({file: write_bytes(output.path / file, render(board, options.format).encode())}, name)
+        output.write(file, render(board, options.format).encode(), name)
         if options.sweep:
-            output.add({f"{name}.png": write_bytes(output.path / f"{name}.png", _plot(name, board))}, name)
+            output.write(f"{name}.png", _plot(name, board), name)
     print(f"tables of every sequence, and differences with their uncertainty: {output.path}")
     return 0
 

@@ -24,9 +24,9 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.settings import resolve
     from zsmoseg.stores.location import Store
     from zsmoseg.synthetic import demo_scene
-    from zsmoseg.workflows.progress import make_watcher
     from zsmoseg.workflows.result import Result
-    from zsmoseg.workflows.run import Request, run
+    from zsmoseg.workflows.running.progress import make_watcher
+    from zsmoseg.workflows.running.run import Request, run
 
     clip = options.out / "demo.mp4"
     print(f"rendering {clip}: a moving camera, two things that move by themselves")

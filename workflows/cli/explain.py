@@ -25,7 +25,7 @@ def main(options: argparse.Namespace) -> int:
         There is no such object.
     """
     from zsmoseg.errors import StoreError
-    from zsmoseg.workflows.evidence import details
+    from zsmoseg.workflows.explanation import details
     from zsmoseg.workflows.result import open_store
 
     result = open_store(store_path(options.store)).get(options.video, options.run)
@@ -54,7 +54,7 @@ def sentence(row: dict[str, Any], frames_moving: int, rule: str, visible: float)
     """The evidence for one object in words; ``rule`` and ``visible`` are the settings of ``groups``."""
     seen = f"object {row['object']}: seen in {row['frames']} frames, {row['area']} pixels in all"
     answer = (
-        f"group {row['group']}, thing {row['thing']}, moving in {frames_moving} frames"
+        f"group {row['group']}, instance {row['instance']}, moving in {frames_moving} frames"
         if row["group"]
         else "static"
     )
@@ -74,6 +74,6 @@ def sentence(row: dict[str, Any], frames_moving: int, rule: str, visible: float)
     joined = (
         ""
         if not row["group"] or row["score"] > row["threshold"]
-        else ", joined by nearness to a thing that moves"
+        else ", joined by nearness to an instance that moves"
     )
     return f"{seen}; {evidence}; the threshold is {row['threshold']:.3f} px: {answer}{joined}"

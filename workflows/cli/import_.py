@@ -17,7 +17,7 @@ from zsmoseg.workflows.cli.run import (
 )
 
 if TYPE_CHECKING:
-    from zsmoseg.workflows.plan import VideoPlan
+    from zsmoseg.workflows.planning.plan import VideoPlan
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -42,8 +42,8 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.settings import resolve
     from zsmoseg.stores.location import Store
     from zsmoseg.workflows.imports import KINDS, remember
-    from zsmoseg.workflows.progress import make_watcher
-    from zsmoseg.workflows.run import Request, run
+    from zsmoseg.workflows.running.progress import make_watcher
+    from zsmoseg.workflows.running.run import Request, run
 
     settings = resolve(options.preset, options.config, overrides(options))
     kinds = [kind for kind in KINDS if getattr(settings, kind).path]
@@ -74,8 +74,10 @@ def _found(plan: VideoPlan, kind: str) -> str:
     assert artifact is not None
     if kind != "proposals":
         return ""
+    from zsmoseg.workflows.stages.given.proposals import Proposals
+
     records = [artifact.part(part) for part in range(len(artifact.parts))]
-    known = sum(int(artifact.read_table(part)["known"].sum()) for part in range(len(artifact.parts)))
+    known = int(Proposals.read(artifact).known.sum())
     hidden = sum(record.facts["hidden"] for record in records if record is not None)
     frames = len(plan.probe.times)
     rest = "" if known == frames else "; the frames between are filled along the flow"

@@ -104,7 +104,7 @@ def overrides(options: argparse.Namespace) -> dict[str, Any]:
 def main(options: argparse.Namespace) -> int:
     """Run; 2 if a video failed."""
     from zsmoseg.settings import resolve
-    from zsmoseg.workflows.run import Request, dry_run, run
+    from zsmoseg.workflows.running.run import Request, dry_run, run
 
     request = Request(
         options.sources,
@@ -120,7 +120,7 @@ def main(options: argparse.Namespace) -> int:
         for line in dry_run(request):
             print(line)
         return 0
-    from zsmoseg.workflows.progress import make_watcher
+    from zsmoseg.workflows.running.progress import make_watcher
 
     with make_watcher() as watcher:
         report = run(request, watcher)

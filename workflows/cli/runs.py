@@ -15,7 +15,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """A line a run, the latest last."""
     from zsmoseg.stores.location import Store
-    from zsmoseg.stores.records import list_runs
+    from zsmoseg.stores.runs import list_runs
 
     for record in list_runs(Store.open(store_path(options.store), create=False)):
         videos = ", ".join(record["videos"])

@@ -20,7 +20,7 @@ def main(options: argparse.Namespace) -> int:
     """
     from zsmoseg.errors import SettingsError
     from zsmoseg.settings import PRESETS, defaults, describe
-    from zsmoseg.workflows.stages import readers
+    from zsmoseg.workflows.stages.graph import readers
 
     names = [name for name in defaults() if options.name in name]
     if not names:

@@ -15,7 +15,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """A line a video of the latest runs, and what is not finished."""
     from zsmoseg.stores.location import Store
-    from zsmoseg.stores.records import list_runs
+    from zsmoseg.stores.runs import list_runs
 
     store = Store.open(store_path(options.store), create=False)
     latest = {name: run for run in list_runs(store) for name in run["videos"]}

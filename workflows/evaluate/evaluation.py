@@ -16,10 +16,10 @@ from zsmoseg.datasets.motion_times import read_motion_times
 from zsmoseg.errors import DatasetError, FormatError, SettingsError, StageError
 from zsmoseg.metrics.motion import Times
 from zsmoseg.metrics.protocols import MOTION_METRICS, PROTOCOLS, Rules
-from zsmoseg.workflows.estimate import cores
 from zsmoseg.workflows.evaluate.predictions import Prediction
 from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
 from zsmoseg.workflows.evaluate.scoring import Job, Scored, score
+from zsmoseg.workflows.planning.estimate import cores
 
 SMALL = 100
 """Frames in all up to which starting processes takes longer than scoring."""

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import __version__
-from zsmoseg.tables import STATES
-from zsmoseg.workflows.reading import read_states
+from zsmoseg.stores.dataset import open_dataset
 from zsmoseg.workflows.result import BLOCK, Result
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 Ids = NDArray[np.uint16]
 """(frames, objects), see ``number_tables``."""
 
-CONTENTS = {"flow": ("forward", "backward"), "depth": ("inverse_depth",)}
+CONTENTS = {"flow": ("forward", "backward", "valid"), "depth": ("inverse_depth",)}
 """Variables of each cue."""
 
 
@@ -71,7 +70,7 @@ def _copy(result: Result, ids: Ids, cues: Sequence[str]) -> xr.Dataset:
     import xarray as xr
 
     probe = result.probe
-    label = result.artifact("labels").dataset(probe.times, probe.names)["label"]
+    label = open_dataset(result.artifact("labels"))["label"]
     label = label.drop_vars(["time", "name"]).chunk(frame=BLOCK)
     tables = xr.DataArray(ids, dims=("frame", "object"))
     mask = xr.apply_ufunc(
@@ -84,19 +83,19 @@ def _copy(result: Result, ids: Ids, cues: Sequence[str]) -> xr.Dataset:
         dask="parallelized",
         output_dtypes=[np.uint16],
     )
-    table = result.artifact("groups").read_table(0)
+    groups = result.groups
     found = xr.Dataset(
         {
             "label": label,
             "mask": mask.assign_attrs(long_name="exported id of the pixel, 0 = none"),
             "moving": (("frame", "object"), result.moving(), {"long_name": "the object moves at the frame"}),
-            "group": ("object", table["group"], {"long_name": "group of the object, 0 = static"}),
-            "thing": ("object", table["thing"], {"long_name": "thing of the object, 0 = static"}),
+            "group": ("object", groups.group, {"long_name": "group of the object, 0 = static"}),
+            "instance": ("object", groups.instance, {"long_name": "instance of the object, 0 = static"}),
         },
         coords={
             "time": ("frame", np.asarray(probe.times), {"units": "s"}),
             "name": ("frame", np.asarray(probe.names, object)),
-            "object": np.arange(len(table["group"])),
+            "object": np.arange(len(groups.group)),
             "y": np.arange(probe.height),
             "x": np.arange(probe.width),
         },
@@ -108,13 +107,9 @@ def _copy(result: Result, ids: Ids, cues: Sequence[str]) -> xr.Dataset:
 def _cue(result: Result, cue: str) -> xr.Dataset:
     """A cue on the working grid; ``grid_y``, ``grid_x`` say where its pixels lie in the displayed frame."""
     probe = result.probe
-    found = result.artifact(cue).dataset(probe.times, probe.names)
-    found = found[list(CONTENTS[cue])].rename(y="grid_y", x="grid_x")
-    found = found.drop_vars(["time", "name"])
-    if cue == "flow":
-        valid = read_states(result.artifact(cue), 0, found.sizes["pair"]) == STATES.index("ok")
-        found = found.drop_vars("frame").assign(valid=("pair", valid))
-    else:
+    found = open_dataset(result.artifact(cue))[list(CONTENTS[cue])]
+    found = found.drop_vars(["time", "name", "y", "x"]).rename(y="grid_y", x="grid_x")
+    if cue != "flow":
         found = found.astype(np.float32)  # NetCDF has no half precision
     found = found.chunk({"pair" if cue == "flow" else "frame": BLOCK})
     places = {

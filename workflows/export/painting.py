@@ -18,21 +18,22 @@ def number_tables(result: Result, what: str, when: Literal["ever", "now"]) -> ND
 
     Parameters
     ----------
-    what : ``group`` and ``thing``: those that move; ``object``: all, static ones too.
+    what : ``group`` and ``instance``: those that move; ``object``: all, static ones too.
     when : a mover wherever it is seen, or only while it moves.
     """
-    table, moving = result.artifact("groups").read_table(0), result.moving()
+    moving = result.moving()
     if what == "object":
         return np.tile(np.arange(moving.shape[1], dtype=np.uint16), (len(moving), 1))
-    return np.stack([paint_table(table[what], state, when) for state in moving])
+    number = result.groups.instance if what == "instance" else result.groups.group
+    return np.stack([paint_table(number, state, when) for state in moving])
 
 
 def painted(result: Result, what: str, when: Literal["ever", "now"]) -> Iterator[NDArray[np.uint16]]:
     """(H, W) ids of every frame, at the displayed size; read in blocks. See ``number_tables``."""
-    labels, tables = result.artifact("labels"), number_tables(result, what, when)
+    labels, tables = result.labels, number_tables(result, what, when)
     for start in range(0, len(tables), BLOCK):
         stop = min(start + BLOCK, len(tables))
-        for table, label in zip(tables[start:stop], labels.read("label", start, stop), strict=True):
+        for table, label in zip(tables[start:stop], labels.of(start, stop).label, strict=True):
             yield table[label]
 
 

@@ -20,6 +20,7 @@ from zsmoseg.formats.names import SIDES
 from zsmoseg.formats.ytvis import encode_ytvis
 from zsmoseg.masks import encode_png
 from zsmoseg.stores import files
+from zsmoseg.stores.reader import read_video
 from zsmoseg.workflows.export.copying import write_netcdf, write_zarr
 from zsmoseg.workflows.export.painting import image_names, number_tables, painted
 from zsmoseg.workflows.result import BLOCK, Result
@@ -86,7 +87,7 @@ def _rows(result: Result, stage: str, name: str) -> Iterator[tuple[str, NDArray[
     names, count = result.probe.names, artifact.shape(name)[0]
     for start in range(0, count, BLOCK):
         stop = min(start + BLOCK, count)
-        yield from zip(names[start:stop], artifact.read(name, start, stop), strict=True)
+        yield from zip(names[start:stop], read_video(artifact, name, start, stop), strict=True)
 
 
 def _write_flow(result: Result, path: Path, choice: Choice) -> None:

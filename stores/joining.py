@@ -1,0 +1,143 @@
+"""The tables of many blocks as one: along the frames, over the union of their objects, or row after row.
+
+By the first dimension of a table its values go on from block to block (``frame``, ``pair``: at the number of their
+frame; plain rows: one after the other), or are put where their labels are. Every other dimension with ids is
+widened to the union of the ids; what no block knows is the fill value. Ids are sorted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from zsmoseg.stores.artifact import Block
+from zsmoseg.stores.fields import IDS_OF, TIMES, Field
+
+Array = np.ndarray[Any, Any]
+Load = Callable[[Block, str], Array]
+
+
+@dataclass(frozen=True)
+class Joined:
+    """The tables ``fields`` of ``blocks`` as those of the frames ``start`` to ``stop - 1``.
+
+    Attributes
+    ----------
+    load
+        Reads one table of a block.
+    fixed
+        Names of the dimensions that have the same labels in all blocks.
+    pairs
+        Pairs of the video that start before ``stop``: one less than frames where it is the end.
+    """
+
+    fields: Mapping[str, Field]
+    blocks: Sequence[Block]
+    load: Load
+    start: int
+    stop: int
+    last_pair: int
+    fixed: frozenset[str] = frozenset()
+
+    # ------------------------------------------------------------------ labels
+    def ids_name(self, dim: str) -> str | None:
+        """The table that has the labels of ``dim``; None where it has none."""
+        name = IDS_OF.get(dim, dim)
+        return name if name in self.fields and self.fields[name].dims == (name,) else None
+
+    @cached_property
+    def ids(self) -> dict[str, Array]:
+        """Every table of ids: the union over all blocks, ascending."""
+        found = {}
+        for name, field in self.fields.items():
+            if field.dims == (name,):
+                parts = [self.load(block, name) for block in self.blocks if name in block.tables]
+                found[name] = np.unique(np.concatenate([np.zeros(0, field.dtype), *parts]))
+        return found
+
+    def _place(self, block: Block, dim: str, length: int) -> Array:
+        """Where the values of a block lie along a dimension of the whole."""
+        name = self.ids_name(dim)
+        if name is None:
+            return np.arange(length)
+        return np.asarray(np.searchsorted(self.ids[name], self.load(block, name)))
+
+    def _length(self, dim: str, lengths: Sequence[int]) -> int:
+        name = self.ids_name(dim)
+        return max(lengths, default=0) if name is None else len(self.ids[name])
+
+    # ------------------------------------------------------------------ values
+    def having(self, name: str) -> list[Block]:
+        """The blocks that hold the table."""
+        return [block for block in self.blocks if name in block.tables]
+
+    def streams(self, name: str) -> bool:
+        """Whether the first dimension goes on from block to block."""
+        dims = self.fields[name].dims
+        return bool(dims) and (
+            dims[0] in TIMES or (self.ids_name(dims[0]) is None and dims[0] not in self.fixed)
+        )
+
+    def whole(self, name: str) -> Array | None:
+        """The table, or None where no block has it."""
+        found = self.having(name)
+        if not found:
+            return None
+        if name in self.ids:
+            return self.ids[name]
+        return np.concatenate(list(self.rows(name))) if self.streams(name) else self._gathered(name)
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Of the whole, but the first dimension where it streams rows."""
+        entries = [block.tables[name].shape for block in self.having(name)]
+        dims = self.fields[name].dims
+        return tuple(self._length(dim, [shape[i] for shape in entries]) for i, dim in enumerate(dims))
+
+    def rows(self, name: str) -> Iterator[Array]:
+        """The rows of a table that streams, in order, a block of them at a time."""
+        field, shape = self.fields[name], self.shape(name)
+        timed = field.dims[0] in TIMES
+        end = min(self.stop, self.last_pair) if field.dims[0] == "pair" else self.stop
+        at = self.start
+        yield np.zeros((0, *shape[1:]), field.dtype)
+        for block in self.having(name):
+            values = self._widened(name, block, self.load(block, name), shape[1:])
+            if timed:
+                values = values[max(at - block.start, 0) : max(end - block.start, 0)]
+                first = max(block.start, at)
+                yield self._unknown(field, (max(min(first, end) - at, 0), *shape[1:]))
+                at = max(at, first + len(values)) if len(values) else max(at, min(first, end))
+            yield values
+        if timed:
+            yield self._unknown(field, (max(end - at, 0), *shape[1:]))
+
+    def _unknown(self, field: Field, shape: tuple[int, ...]) -> Array:
+        return np.full(shape, field.fill, field.dtype)
+
+    def _widened(self, name: str, block: Block, values: Array, shape: tuple[int, ...]) -> Array:
+        """The values of a block with every dimension but the first as wide as in the whole."""
+        field = self.fields[name]
+        places = [self._place(block, d, n) for d, n in zip(field.dims[1:], values.shape[1:], strict=True)]
+        if all(len(place) == n for place, n in zip(places, shape, strict=True)):
+            return values
+        out = self._unknown(field, (len(values), *shape))
+        out[np.ix_(np.arange(len(values)), *places)] = values
+        return out
+
+    def _gathered(self, name: str) -> Array:
+        """A table that does not stream: values of all blocks at the places of their labels."""
+        field, shape = self.fields[name], self.shape(name)
+        out, known = self._unknown(field, shape), np.zeros(shape, np.bool_)
+        for block in self.having(name):
+            values = self.load(block, name)
+            at = np.ix_(*(self._place(block, d, n) for d, n in zip(field.dims, values.shape, strict=True)))
+            if field.add:
+                out[at] += values
+            else:
+                out[at] = np.where(known[at], out[at], values)
+            known[at] = True
+        return out

@@ -1,0 +1,142 @@
+"""Tables as bytes and back, without importing Zarr: packed for the file of a part, or as a whole Zarr v3 array.
+
+A part has dozens of small tables, and Zarr's own way takes several times as long for each. What is written for
+readers is plain Zarr v3; the tests read it with Zarr.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import google_crc32c
+import numpy as np
+from numcodecs import blosc  # type: ignore[import-untyped,unused-ignore]
+
+Array = np.ndarray[Any, Any]
+
+blosc.use_threads = False
+_COMPRESSOR = blosc.Blosc(cname="zstd", clevel=1, shuffle=blosc.SHUFFLE)
+_BLOSC = {"cname": "zstd", "clevel": 1, "shuffle": "shuffle", "blocksize": 0}
+_CRC = {"name": "crc32c"}
+CRC_BYTES = 4
+
+
+def pack(values: Array) -> bytes:
+    """A table compressed, with its checksum at the end; nothing where it has no element.
+
+    Raises
+    ------
+    TypeError
+        If the values are no booleans, integers or floating numbers: text, times, objects.
+    """
+    if values.dtype.kind not in "biuf" or values.dtype.itemsize > 8:
+        raise TypeError(f"expected booleans, integers or floating numbers, got {values.dtype}")
+    if not values.size:
+        return b""
+    plain = np.ascontiguousarray(values, values.dtype.newbyteorder("<")).reshape(-1)
+    return _sealed(bytes(_COMPRESSOR.encode(plain.view(np.uint8) if plain.dtype == np.bool_ else plain)))
+
+
+def unpack(content: bytes, dtype: str, shape: Sequence[int]) -> Array:
+    """What ``pack`` made: the table, writable.
+
+    Raises
+    ------
+    ValueError
+        If these are not bytes that ``pack`` made.
+    """
+    out = np.empty(tuple(shape), np.dtype(dtype).newbyteorder("<"))
+    if not out.size:
+        return out
+    body, end = content[:-CRC_BYTES], content[-CRC_BYTES:]
+    if google_crc32c.value(body).to_bytes(CRC_BYTES, "little") != end:
+        raise ValueError("stored and computed checksum do not match")
+    _COMPRESSOR.decode(body, out.reshape(-1).view(np.uint8))
+    return out
+
+
+def pack_text(values: Sequence[str]) -> bytes:
+    """Text as the codec ``vlen-utf8`` has it: the number of strings, then length and bytes of each."""
+    encoded = [value.encode() for value in values]
+    pieces = [struct.pack("<I", len(encoded))]
+    for text in encoded:
+        pieces += [struct.pack("<I", len(text)), text]
+    return _sealed(b"".join(pieces))
+
+
+def _sealed(content: bytes) -> bytes:
+    return content + google_crc32c.value(content).to_bytes(CRC_BYTES, "little")
+
+
+def metadata(
+    dtype: np.dtype[Any] | None,
+    shape: Sequence[int],
+    chunk: Sequence[int],
+    dims: Sequence[str],
+    fill: float,
+    attributes: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The ``zarr.json`` of an array whose chunks ``pack`` makes, or ``pack_text`` where ``dtype`` is None."""
+    kind = "s" if dtype is None else dtype.kind
+    unknown: dict[str, Any] = {"b": bool(fill == 1), "f": _float(fill), "s": ""}
+    # Blosc wants the size of what it shuffles
+    binary = {"name": "blosc", "configuration": {"typesize": dtype.itemsize if dtype else 1, **_BLOSC}}
+    plain = [{"name": "bytes", "configuration": {"endian": "little"}}, binary]
+    return {
+        "zarr_format": 3,
+        "node_type": "array",
+        "shape": list(shape),
+        "data_type": "string" if dtype is None else dtype.name,
+        "chunk_grid": {
+            "name": "regular",
+            "configuration": {"chunk_shape": [max(length, 1) for length in chunk]},
+        },
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
+        "fill_value": unknown[kind] if kind in unknown else int(fill),
+        "codecs": [*([{"name": "vlen-utf8"}] if dtype is None else plain), _CRC],
+        "attributes": dict(attributes),
+        "dimension_names": list(dims),
+        "storage_transformers": [],
+    }
+
+
+def _float(fill: float) -> float | str:
+    """JSON has no NaN: Zarr spells it."""
+    return "NaN" if np.isnan(fill) else float(fill)
+
+
+def chunk_name(row: int, dimensions: int) -> str:
+    """The file of a chunk that is cut along the first dimension only: beside ``zarr.json``, as folders cost more."""
+    return "c" + f".{row}" * min(dimensions, 1) + ".0" * max(dimensions - 1, 0)
+
+
+def group(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The ``zarr.json`` of the group of ``arrays`` (metadata by name), which it repeats: one file opens them all."""
+    known = {name: arrays[name] for name in sorted(arrays)}
+    consolidated = {"kind": "inline", "must_understand": False, "metadata": known}
+    return {"zarr_format": 3, "node_type": "group", "attributes": {}, "consolidated_metadata": consolidated}
+
+
+def as_json(content: Mapping[str, Any]) -> bytes:
+    """Canonical."""
+    return json.dumps(content, sort_keys=True, indent=1, allow_nan=False).encode()
+
+
+def pieces(rows: Iterable[Array], length: int) -> Iterable[Array]:
+    """Rows as they come, in blocks of ``length`` rows; the last one may be shorter."""
+    waiting: list[Array] = []
+    count = 0
+    for block in rows:
+        start = 0
+        while count + len(block) - start >= length:
+            stop = start + length - count
+            yield np.concatenate([*waiting, block[start:stop]])
+            waiting, count, start = [], 0, stop
+        if start < len(block):
+            waiting.append(block[start:])
+            count += len(block) - start
+    if count:
+        yield np.concatenate(waiting)

@@ -1,0 +1,182 @@
+"""Saying that an artifact is finished: its tables joined for readers, its coordinates, the last record.
+
+The joined tables and the coordinates make the folder a Zarr group that any reader opens whole. They can be made
+again from the parts at any time; the last record has their sizes and checksums.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from zsmoseg.errors import StoreError
+from zsmoseg.stores import files
+from zsmoseg.stores.arrays import Arrays, join
+from zsmoseg.stores.artifact import AGAIN, Artifact
+from zsmoseg.stores.checks import part_problem
+from zsmoseg.stores.fields import IDS_OF, LABELS, TIMES, tables_of
+from zsmoseg.stores.packing import as_json, chunk_name, group, metadata, pack, pack_text, pieces
+from zsmoseg.stores.reader import blocks
+from zsmoseg.stores.records import checksum, recall_record, write_record
+
+CHUNK = 2**22
+"""Bytes, about, of what is compressed at once of a joined table."""
+
+Array = np.ndarray[Any, Any]
+
+
+def seal(
+    artifact: Artifact,
+    kind: type[Arrays],
+    times: Sequence[float],
+    names: Sequence[str],
+    extra: Mapping[str, Any] | None = None,
+) -> None:
+    """Join the tables, write the coordinates, and say that all is there.
+
+    Parameters
+    ----------
+    kind
+        What the parts were written as.
+    times, names
+        Of every frame: seconds, and what the source calls it. A pair has those of its first frame.
+    extra
+        What else the last record shall hold.
+
+    Raises
+    ------
+    StoreError
+        If a part is not usable.
+    SpaceError
+        If the disk is full.
+    """
+    for part in range(len(artifact.parts)):
+        if problem := part_problem(artifact, part):
+            raise StoreError(f"{artifact.path}: part {part}: {problem}; {AGAIN}")
+    if not artifact.parts:
+        raise StoreError(f"{artifact.path}: artifact.json is missing or damaged; {AGAIN}")
+    whole = _Whole(artifact)
+    frames = artifact.parts[-1][1]
+    joined = join(kind, artifact, blocks(artifact, 0, frames), 0, frames)
+    for name, declared in tables_of(kind).items():
+        if not joined.having(name):
+            continue
+        rows: Iterable[Array]
+        if joined.streams(name):
+            rows, shape = joined.rows(name), joined.shape(name)
+        else:
+            value = joined.whole(name)
+            assert value is not None
+            rows, shape = [value], value.shape
+        whole.put(
+            name, rows, shape, np.dtype(declared.dtype), declared.dims, declared.fill, declared.attributes
+        )
+    described = {**LABELS, **kind.labels, **artifact.laid_out.get("labels", {})}
+    for dim, source in IDS_OF.items():
+        if dim in whole.sizes and source in joined.ids:
+            ids = joined.ids[source]
+            about = tables_of(kind)[source].attributes
+            whole.put(dim, [ids], ids.shape, ids.dtype, (dim,), 0, about)
+    _coordinates(whole, described, times, names)
+    whole.close()
+    records = [recall_record(artifact.record_path(part)) for part in range(len(artifact.parts))]
+    content = {
+        **(extra or {}),
+        "files": whole.files,
+        "records": [checksum(record) for record in records if record],
+    }
+    write_record(artifact.records / "done.json", content, sync=True)
+
+
+def _coordinates(
+    whole: _Whole, labels: Mapping[str, Sequence[str]], times: Sequence[float], names: Sequence[str]
+) -> None:
+    """Numbers of frames, pairs, rows and columns; times and names; labels of dimensions."""
+    sizes = dict(whole.sizes)
+    for dim in ("frame", "pair", "y", "x"):
+        if dim in sizes:
+            number = np.arange(sizes[dim], dtype=np.int64)
+            whole.put(dim, [number], number.shape, number.dtype, (dim,), 0, {})
+    timed = next((dim for dim in TIMES if dim in sizes), None)
+    if timed is not None:
+        count = sizes[timed]
+        time = np.asarray(times[:count], np.float64)
+        whole.put("time", [time], time.shape, time.dtype, (timed,), np.nan, {"units": "s"})
+        whole.put_text("name", list(names[:count]), timed)
+    for dim, text in labels.items():
+        if sizes.get(dim) == len(text):
+            whole.put_text(dim, list(text), dim)
+
+
+@dataclass
+class _Whole:
+    """The Zarr arrays of an artifact beside its video arrays, as they are written."""
+
+    artifact: Artifact
+    arrays: dict[str, Any] = field(default_factory=dict)
+    files: dict[str, dict[str, int]] = field(default_factory=dict)
+    sizes: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.arrays = dict(self.artifact.laid_out["layout"])
+        for described in self.artifact.arrays.values():
+            self.sizes |= dict(zip(described["dims"], described["shape"], strict=True))
+
+    def put(
+        self,
+        name: str,
+        rows: Iterable[Array],
+        shape: Sequence[int],
+        dtype: np.dtype[Any],
+        dims: Sequence[str],
+        fill: float,
+        attributes: Mapping[str, Any],
+    ) -> None:
+        """An array, a run of rows at a time; its first dimension is counted on the way."""
+        files.remove(self.artifact.path / name)
+        width = int(np.prod(shape[1:])) * dtype.itemsize
+        length = max(1, CHUNK // max(width, 1))
+        count, at = 0, 0
+        for at, piece in enumerate(pieces(rows, length) if dims else rows):
+            padded = _padded(piece, min(length, len(piece)) if at == 0 else length, fill) if dims else piece
+            count += len(piece) if dims else 1
+            if piece.size:
+                self._write(f"{name}/{chunk_name(at, len(dims))}", pack(padded))
+        found = (count, *shape[1:]) if dims else ()
+        chunk = (count if at == 0 else length, *shape[1:]) if dims else ()
+        self._described(name, metadata(dtype, found, chunk, dims, fill, attributes))
+        self.sizes |= dict(zip(dims, found, strict=True))
+
+    def put_text(self, name: str, values: Sequence[str], dim: str) -> None:
+        """A coordinate of text along ``dim``."""
+        files.remove(self.artifact.path / name)
+        if values:
+            self._write(f"{name}/{chunk_name(0, 1)}", pack_text(values))
+        self._described(name, metadata(None, [len(values)], [len(values)], [dim], 0, {}))
+
+    def close(self) -> None:
+        """The group, which makes it all readable at once."""
+        root = group(self.arrays)
+        told = sorted({"time", "name"} & self.arrays.keys())
+        root["attributes"] = {"coordinates": " ".join(told)} if told else {}
+        self._write("zarr.json", as_json(root))
+
+    def _described(self, name: str, described: Mapping[str, Any]) -> None:
+        self.arrays[name] = described
+        self._write(f"{name}/zarr.json", as_json(described))
+
+    def _write(self, name: str, content: bytes) -> None:
+        path = self.artifact.path / name
+        with files.full_disk_in_words(path):
+            files.write(path, content)
+        self.files[name] = {"size": len(content), "crc32": files.crc32(content)}
+
+
+def _padded(values: Array, length: int, fill: float) -> Array:
+    """A chunk of full length: Zarr's chunks are all of one shape."""
+    if len(values) == length:
+        return values
+    return np.concatenate([values, np.full((length - len(values), *values.shape[1:]), fill, values.dtype)])

@@ -1,0 +1,94 @@
+"""What a run will take, from what the same stages took before."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from zsmoseg.errors import SpaceError
+from zsmoseg.stores.location import Store
+from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
+
+if TYPE_CHECKING:
+    from zsmoseg.workflows.running.run import Request
+
+REFERENCE = 480 * 854
+RESERVE = 64 * 2**20
+"""Bytes of the disk that are left alone."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One core's seconds, bytes on disk, and whether they were measured here (else: typical figures)."""
+
+    seconds: float
+    size: int
+    measured: bool
+
+
+def estimate(store: Store, plans: Sequence[VideoPlan]) -> Estimate:
+    """Sum over all parts to do, by frames and pixels."""
+    seconds, size, measured = 0.0, 0, True
+    rates: dict[str, tuple[float, float] | None] = {}
+    for plan in plans:
+        for stage in plan.stages.values():
+            if not stage.todo:
+                continue
+            name = stage.stage.name
+            if name not in rates:
+                rates[name] = _measured(plan, stage)
+            scale = stage.frames_todo * plan.probe.width * plan.probe.height / REFERENCE
+            rate = rates[name]
+            measured &= rate is not None
+            per_frame, per_size = rate or (stage.stage.cost[0] / 1e3, stage.stage.cost[1] * 1e3)
+            seconds += per_frame * scale
+            size += int(per_size * scale)
+    return Estimate(seconds, size, measured)
+
+
+def _measured(plan: VideoPlan, stage: StagePlan) -> tuple[float, float] | None:
+    """Seconds and bytes a frame of 480p from finished parts of this stage in this video, other settings too."""
+    if stage.artifact is None:
+        return None
+    frames, seconds, size = 0, 0.0, 0
+    for artifact in stage.artifact.siblings():
+        for (start, stop), record in zip(
+            artifact.parts, map(artifact.part, range(len(artifact.parts))), strict=True
+        ):
+            if record is not None and "seconds" in record.facts:
+                frames += stop - start
+                seconds += record.facts["seconds"]
+                size += sum(f["size"] for f in record.files.values())
+    if not frames:
+        return None
+    scale = frames * plan.probe.width * plan.probe.height / REFERENCE
+    return seconds / scale, size / scale
+
+
+def refuse_full_disk(request: Request, guess: Estimate) -> None:
+    """Raise ``SpaceError`` where the plan will not fit."""
+    place = request.store.absolute()
+    while not place.exists():
+        place = place.parent
+    free = shutil.disk_usage(place).free
+    if guess.size + RESERVE > free:
+        raise SpaceError(
+            f"{request.store}: the run needs about {guess.size / 1e6:.0f} MB, {free / 1e6:.0f} MB are free; "
+            "free some, or give a store on another disk (--store)"
+        )
+
+
+def estimate_line(guess: Estimate) -> str:
+    """The estimate in words."""
+    kind = "measured here" if guess.measured else "typical figures"
+    return f"estimate: {guess.seconds:.0f} s on one core, {guess.size / 1e6:.0f} MB on disk ({kind})"
+
+
+def cores(workers: int | None) -> int:
+    """Workers that a local run uses."""
+    if workers:
+        return workers
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,270 @@
+"""What is done, what is missing and why, for one video; nothing here computes or writes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from typing import Any
+
+from zsmoseg.errors import SettingsError
+from zsmoseg.settings import Settings
+from zsmoseg.stores.artifact import Artifact
+from zsmoseg.stores.checks import part_problem
+from zsmoseg.stores.keys import FORMAT
+from zsmoseg.stores.keys import key as artifact_key
+from zsmoseg.stores.location import Store
+from zsmoseg.stores.output import Output
+from zsmoseg.video import Probe
+from zsmoseg.workflows import imports
+from zsmoseg.workflows.stage import ALL, Stage, working_size
+from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
+
+
+@dataclass
+class StagePlan:
+    """One stage of one video: its key, how it is cut, which parts are to do, and why."""
+
+    stage: Stage[Any, Any]
+    key: str
+    inputs: dict[str, str]
+    settings: dict[str, Any]
+    parts: list[tuple[int, int]]
+    todo: list[int] = field(default_factory=list)
+    reason: str = "done"
+    artifact: Artifact | None = None
+
+    @property
+    def given(self) -> Settings:
+        """The settings that it reads; the others are defaults."""
+        return Settings.model_validate(self.settings)
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """What is written beside the result, so that a later plan can say what changed."""
+        return {
+            "stage": self.stage.name,
+            "version": self.stage.version,
+            "key": self.key,
+            "settings": self.settings,
+            "inputs": self.inputs,
+        }
+
+    @property
+    def frames_todo(self) -> int:
+        """Frames of the parts to do."""
+        return sum(self.parts[i][1] - self.parts[i][0] for i in self.todo)
+
+
+@dataclass
+class VideoPlan:
+    """One video: the stages in order, of the graph ``graph``; ``brought`` are the cues that were imported."""
+
+    source: str
+    name: str
+    video: str
+    fingerprint: str
+    probe: Probe
+    stages: dict[str, StagePlan]
+    output: Output
+    graph: str = "embedded-flow"
+    brought: Mapping[str, imports.Brought] = field(default_factory=dict)
+
+    @property
+    def files(self) -> list[str]:
+        """Every file that the plan leaves in the output folder."""
+        frames = len(self.probe.times)
+        return [
+            name
+            for s in self.stages.values()
+            if s.stage.files is not None
+            for name in s.stage.files(self.probe, 0, frames, s.stage.chosen(s.given))
+        ]
+
+    @property
+    def todo(self) -> int:
+        """Number of parts to do."""
+        return sum(len(stage.todo) for stage in self.stages.values())
+
+    def before(self, stage: StagePlan, part: int) -> list[tuple[str, int]]:
+        """The (stage, part) that part ``part`` of ``stage`` reads."""
+        start, stop = stage.parts[part]
+        return [
+            (name, i)
+            for name, reach in stage.stage.reaches.items()
+            for i, (a, b) in enumerate(self.stages[name].parts)
+            if reach == ALL or (a < stop + reach and b > start)
+        ]
+
+
+def plan_video(
+    store: Store,
+    source: str,
+    name: str,
+    video: str,
+    fingerprint: str,
+    probe: Probe,
+    settings: Settings,
+    out: str,
+    start_from: str | None = None,
+    until: Sequence[str] = (),
+    alone: bool = True,
+) -> VideoPlan:
+    """The plan of one video, up to the stages ``until``; without them all. ``alone``: no other video is asked for.
+
+    Raises
+    ------
+    SettingsError
+        ``start_from`` or ``until`` name no stage; sources of cues that contradict each other.
+    FormatError
+        Files of an imported cue do not fit.
+    OutputError
+        The output folder is not ours.
+    """
+    settings, brought = imports.settle(settings, store, name, video, alone)
+    graph = graph_of(settings)
+    stages = GRAPHS[graph]
+    for option, value in [("--from", start_from), *(("--until", stage) for stage in until)]:
+        if value is not None and value not in stages:
+            what = "no stage with these settings" if value in names() else "no such stage"
+            raise SettingsError(f"{option} {value}: {what}; there are {', '.join(stages)}")
+    output = Output(out, video)
+    needed = _needed(stages, until)
+    if any(stage.output for stage in needed):
+        output.refuse_foreign()
+    plan = VideoPlan(source, name, video, fingerprint, probe, {}, output, graph, brought)
+    for stage in needed:
+        plan.stages[stage.name] = _plan_stage(plan, store, stage, settings)
+    again = following(stages, start_from) if start_from else set()
+    for planned in plan.stages.values():
+        _mark(plan, planned, planned.stage.name in again, start_from)
+    for kind in brought:
+        if kind in plan.stages and plan.stages[kind].todo:
+            grid = working_size(probe, settings.frames.width)
+            imports.check(store, kind, brought[kind], getattr(settings, kind), probe, grid)
+    return plan
+
+
+def _needed(stages: Graph, until: Sequence[str]) -> list[Stage[Any, Any]]:
+    """The stages that ``until`` need, themselves included, in order; all without them; ``frames`` holds the probe."""
+    needed = {"frames", *(until or stages)}
+    for name in reversed(list(stages)):
+        if name in needed:
+            needed |= set(stages[name].reaches)
+    return [stage for name, stage in stages.items() if name in needed]
+
+
+def following(stages: Graph, start: str) -> set[str]:
+    """The stage ``start`` and all that hangs on it."""
+    found = {start}
+    for name, stage in stages.items():
+        if found & set(stage.reaches):
+            found.add(name)
+    return found
+
+
+def _plan_stage(plan: VideoPlan, store: Store, stage: Stage[Any, Any], settings: Settings) -> StagePlan:
+    inputs = {name: plan.stages[name].key for name in stage.reaches}
+    sections = {name: getattr(settings, name) for name in stage.section_names}
+    active = {name: section.active() for name, section in sections.items()}
+    for name in active.keys() & plan.brought.keys():
+        active[name]["imported"] = plan.brought[name].fingerprint
+    key = artifact_key(FORMAT, stage.name, stage.version, active, inputs, plan.fingerprint)
+    frames = len(plan.probe.times)
+    parts = [(0, frames)] if stage.scope == "video" else cut(frames, settings.chunk.length)
+    dumped = {name: section.model_dump(mode="json") for name, section in sections.items()}
+    artifact = None if stage.output else store.artifact(plan.video, stage.name, key)
+    if artifact is not None and stage.scope == "chunk" and artifact.parts:
+        parts = list(artifact.parts)
+    return StagePlan(stage, key, inputs, dumped, parts, artifact=artifact)
+
+
+def cut(frames: int, length: int) -> list[tuple[int, int]]:
+    """Chunks of ``length`` frames; the last one may be shorter."""
+    return [(a, min(a + length, frames)) for a in range(0, frames, length)]
+
+
+def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None) -> None:
+    """Which parts are to do, and the reason in words."""
+    problems = {i: problem for i in range(len(stage.parts)) if (problem := _problem(plan, stage, i))}
+    behind = {
+        i
+        for i in range(len(stage.parts))
+        if any(part in plan.stages[name].todo for name, part in plan.before(stage, i))
+    }
+    stage.todo = [i for i in range(len(stage.parts)) if again or i in problems or i in behind]
+    if not stage.todo:
+        return
+    if again:
+        stage.reason = f"asked for (--from {start_from})"
+    elif not _begun(plan, stage):
+        stage.reason = _what_changed(plan, stage)
+    elif problems:
+        first = next(iter(problems.values()))
+        stage.reason = f"{len(problems)} of {len(stage.parts)} parts to do: {first}"
+    else:
+        changed = sorted(
+            {name for i in stage.todo for name, p in plan.before(stage, i) if p in plan.stages[name].todo}
+        )
+        stage.reason = f"input redone: {', '.join(changed)}"
+
+
+def _problem(plan: VideoPlan, stage: StagePlan, part: int) -> str | None:
+    if stage.artifact is not None:
+        return part_problem(stage.artifact, part)
+    if not _begun(plan, stage):
+        return "not written yet"
+    start, stop = stage.parts[part]
+    assert stage.stage.files is not None
+    return plan.output.problem(
+        stage.stage.files(plan.probe, start, stop, stage.stage.chosen(stage.given)), stage.key
+    )
+
+
+def _begun(plan: VideoPlan, stage: StagePlan) -> bool:
+    """Whether something was laid out for just this key."""
+    if stage.artifact is not None:
+        return stage.artifact.description is not None
+    return plan.output.stages.get(stage.stage.name, {}).get("key") == stage.key
+
+
+def _what_changed(plan: VideoPlan, stage: StagePlan) -> str:
+    """Against what this stage left last."""
+    old = plan.output.stages.get(stage.stage.name) if stage.artifact is None else stage.artifact.sibling()
+    if old is None:
+        return "not computed yet"
+    words = differences(old.get("settings", {}), stage.settings)
+    if words:
+        return "; ".join(words)
+    if set(old.get("inputs", {})) != set(stage.inputs):
+        return f"made from {', '.join(stage.inputs)} now, from {', '.join(old.get('inputs', {}))} before"
+    if old.get("version") != stage.stage.version:
+        return f"stage version: {old.get('version')} -> {stage.stage.version}"
+    changed = [name for name, key in stage.inputs.items() if old.get("inputs", {}).get(name) != key]
+    return f"input changed: {', '.join(changed)}" if changed else "the source was read anew"
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """``setting flow.stride: 4 -> 5`` for every setting that differs."""
+    return [
+        f"setting {section}.{name}: {old.get(section, {}).get(name)} -> {value}"
+        for section, fields in new.items()
+        for name, value in fields.items()
+        if old.get(section, {}).get(name, value) != value
+    ]
+
+
+def explain_plan(plans: Sequence[VideoPlan]) -> list[str]:
+    """The plan as lines: one per video, one per stage to do; stages that share their reason share a line."""
+    lines = []
+    for plan in plans:
+        done = [s.stage.name for s in plan.stages.values() if not s.todo]
+        lines.append(f"{plan.name}: {len(plan.probe.times)} frames, {plan.todo} parts to do")
+        for reason, group in groupby((s for s in plan.stages.values() if s.todo), key=lambda s: s.reason):
+            stages = list(group)
+            names = ", ".join(s.stage.name for s in stages)
+            count = sum(len(s.todo) for s in stages)
+            lines.append(f"  {names} ({count} part{'' if count == 1 else 's'}): {reason}")
+        if done:
+            lines.append(f"  done: {', '.join(done)}")
+    return lines

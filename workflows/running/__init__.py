@@ -1,0 +1,1 @@
+"""From a plan to masks: jobs, executors, what is said meanwhile."""

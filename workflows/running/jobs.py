@@ -1,0 +1,148 @@
+"""One part of one stage, as it runs on a worker: small arguments in, arrays through the store, a small record out."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from zsmoseg.errors import ZsmosegError
+
+if TYPE_CHECKING:
+    from zsmoseg.stores.location import Store
+    from zsmoseg.workflows.stage import Stage
+
+
+@dataclass(frozen=True)
+class Job:
+    """One part of one stage of one video; small, and can be pickled. ``frames`` is the key that holds the probe."""
+
+    store: str
+    video: str
+    stage: str
+    key: str
+    part: int
+    start: int
+    stop: int
+    frames: str
+    settings: Mapping[str, Any]
+    inputs: Mapping[str, str]
+    out: str = ""
+    graph: str = "embedded-flow"
+
+    @property
+    def name(self) -> str:
+        """Readable and unique within a run."""
+        return f"{self.stage}-{self.video}-{self.key[:10]}-{self.part:04d}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a job: done, failed (why) or skipped because something before it failed."""
+
+    state: str
+    seconds: float = 0.0
+    memory_mb: float = 0.0
+    facts: Mapping[str, Any] | None = None
+    error: str = ""
+    trace: str = ""
+
+
+def run_job(job: Job, *before: Outcome) -> Outcome:
+    """Run one part unless its record says that it is done; never raises on what a task can do wrong."""
+    if any(outcome.state != "done" for outcome in before):
+        return Outcome("skipped")
+    try:
+        with one_thread():
+            return _run(job)
+    except ZsmosegError as error:
+        return Outcome("failed", error=str(error))
+    except MemoryError:
+        return Outcome(
+            "failed", error="out of memory; use fewer workers (--workers) or a smaller chunk.length"
+        )
+    except Exception as error:
+        what = f"unexpected {type(error).__name__}: {error}"
+        return Outcome("failed", error=what, trace=traceback.format_exc())
+
+
+def _run(job: Job) -> Outcome:
+    from zsmoseg.settings import Settings
+    from zsmoseg.stores.checks import part_problem
+    from zsmoseg.stores.files import full_disk_in_words
+    from zsmoseg.stores.location import Store
+    from zsmoseg.stores.writer import PartWriter
+    from zsmoseg.video import Probe
+    from zsmoseg.workflows.stage import Part
+    from zsmoseg.workflows.stages.graph import GRAPHS
+
+    clock = time.process_time()
+    stage, store = GRAPHS[job.graph][job.stage], Store.open(job.store, create=False)
+    described = store.artifact(job.video, "frames", job.frames).description
+    assert described is not None
+    part = Part(Probe.from_json(described["probe"]), job.start, job.stop, Path(job.out))
+    artifact = store.artifact(job.video, job.stage, job.key)
+    if not stage.output and not part_problem(artifact, job.part):
+        return Outcome("done", time.process_time() - clock, peak_memory_mb())
+    left = stage.task(
+        part, _inputs(job, stage, store), stage.chosen(Settings.model_validate(dict(job.settings)))
+    )
+    if stage.output:
+        with full_disk_in_words(Path(job.out)):
+            list(left)
+        return Outcome("done", time.process_time() - clock, peak_memory_mb(), part.facts)
+    with PartWriter(artifact, job.part) as writer:
+        for block in left:
+            writer.put(block)
+        writer.facts = {**part.facts, "seconds": round(time.process_time() - clock, 4)}
+    return Outcome("done", time.process_time() - clock, peak_memory_mb())
+
+
+def _inputs(job: Job, stage: Stage[Any, Any], store: Store) -> Any:
+    """What the task may read: the frames of its part and as many beyond them as it declared; read when used."""
+    from zsmoseg.workflows.stage import ALL
+
+    found = {}
+    for name, kind in stage.reads.items():
+        artifact, reach = store.artifact(job.video, name, job.inputs[name]), stage.reaches[name]
+        found[name] = (
+            kind.read(artifact) if reach == ALL else kind.read(artifact, job.start, job.stop + reach)
+        )
+    return stage.inputs(**found)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """OpenCV and BLAS in one thread: more would crowd the cores, and sums must not depend on their number."""
+    import cv2
+
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        with _thread_pools().limit(limits=1):
+            yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+@cache
+def _thread_pools() -> Any:
+    """The pools of this process; the modules of all stages, and with them their libraries, are loaded first."""
+    from threadpoolctl import ThreadpoolController
+
+    import_module("zsmoseg.workflows.stages.graph")
+    return ThreadpoolController()
+
+
+def peak_memory_mb() -> float:
+    """Largest resident size of this process so far."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)

@@ -1,0 +1,187 @@
+"""What a run says while it runs: rich bars on a terminal, plain lines elsewhere; the summary at its end."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any, Self, TextIO
+
+from zsmoseg.workflows.planning.estimate import Estimate, estimate_line
+from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan
+from zsmoseg.workflows.running.jobs import Outcome
+from zsmoseg.workflows.running.run import Quiet
+
+SHOWN = 6
+"""Videos whose plan is printed in full before a run."""
+
+
+class Tally:
+    """Seconds, frames and peak memory of every stage, as they come back."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.frames: dict[str, int] = defaultdict(int)
+        self.memory: dict[str, float] = defaultdict(float)
+
+    def add(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
+        """Count one part."""
+        if outcome.state != "done":
+            return
+        start, stop = plan.stages[stage].parts[part]
+        self.frames[stage] += stop - start
+        self.seconds[stage] += outcome.seconds
+        self.memory[stage] = max(self.memory[stage], outcome.memory_mb)
+
+    def rows(self) -> list[tuple[str, float, float, float]]:
+        """(stage, seconds, ms a frame, peak MB)."""
+        return [
+            (s, self.seconds[s], 1e3 * self.seconds[s] / max(self.frames[s], 1), self.memory[s])
+            for s in self.seconds
+        ]
+
+
+class Lines:
+    """Plain lines for logs and pipes: the plan, a line a stage, a line a video."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self.stream = stream or sys.stderr
+        self.tally = Tally()
+        self.begun = time.monotonic()
+
+    def say(self, line: str = "") -> None:
+        """Print one line."""
+        print(line, file=self.stream, flush=True)
+
+    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
+        """The plan and what it will take."""
+        for line in plan_lines(plans, guess):
+            self.say(line)
+
+    def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
+        """A line when a stage is through."""
+        self.tally.add(plan, stage, part, outcome)
+        if not plan.stages[stage].todo and outcome.state == "done":
+            self.say(f"{plan.name}: {stage} done ({time.monotonic() - self.begun:.0f} s)")
+
+    def finished(self, plan: VideoPlan, summary: dict[str, Any] | None) -> None:
+        """A line a video."""
+        for line in video_lines(plan, summary):
+            self.say(line)
+
+    def failed(self, name: str, message: str) -> None:
+        """A line a failure."""
+        self.say(f"failed: {name}: {message}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None and self.tally.seconds:
+            for line in tally_lines(self.tally, time.monotonic() - self.begun):
+                self.say(line)
+
+
+class Bars(Lines):
+    """A bar a video in flight, above it what is finished."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        super().__init__()
+        self.console = Console(stderr=True, highlight=False)
+        self.progress = Progress(
+            TextColumn("{task.description:<24}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[stage]:<11}"),
+            TimeRemainingColumn(),
+            console=self.console,
+            transient=True,
+        )
+        self.bars: dict[str, Any] = {}
+
+    def say(self, line: str = "") -> None:
+        """Print one line above the bars."""
+        self.console.print(line, markup=False, soft_wrap=True)
+
+    def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
+        """Move the bar of the video."""
+        self.tally.add(plan, stage, part, outcome)
+        if plan.name not in self.bars:
+            self.bars[plan.name] = self.progress.add_task(plan.name, total=plan.todo + 1, stage=stage)
+        self.progress.update(self.bars[plan.name], advance=1, stage=stage)
+
+    def finished(self, plan: VideoPlan, summary: dict[str, Any] | None) -> None:
+        """Take the bar away, leave the line."""
+        bar = self.bars.pop(plan.name, None)
+        if bar is not None:
+            self.progress.remove_task(bar)
+        super().finished(plan, summary)
+
+    def __enter__(self) -> Self:
+        self.progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.progress.stop()
+        super().__exit__(kind, error, trace)
+
+
+class Steps(Quiet):
+    """For runs within another job: a line a run, and what failed."""
+
+    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
+        """What is to do."""
+        todo = sum(plan.todo for plan in plans)
+        what = f"{todo} parts to do; {estimate_line(guess)}" if todo else "nothing to compute"
+        print(f"{len(plans)} videos: {what}", file=sys.stderr, flush=True)
+
+    def failed(self, name: str, message: str) -> None:
+        """A line a failure."""
+        print(f"failed: {name}: {message}", file=sys.stderr, flush=True)
+
+
+def make_watcher() -> Lines:
+    """Bars where somebody looks, lines elsewhere."""
+    return Bars() if sys.stderr.isatty() else Lines()
+
+
+def plan_lines(plans: Sequence[VideoPlan], guess: Estimate) -> list[str]:
+    """The plan, shortened where there are many videos, and the estimate."""
+    lines = explain_plan(plans[:SHOWN])
+    if len(plans) > SHOWN:
+        lines.append(f"... and {len(plans) - SHOWN} more videos (all with --dry-run)")
+    if any(plan.todo for plan in plans):
+        lines.append(estimate_line(guess))
+    else:
+        lines.append("nothing to do")
+    return lines
+
+
+def video_lines(plan: VideoPlan, summary: dict[str, Any] | None) -> list[str]:
+    """What came out of a video."""
+    if summary is None:
+        return [f"{plan.name}: {len(plan.probe.times)} frames, done up to {list(plan.stages)[-1]}"]
+    moving = summary["moving_groups"]
+    lines = [
+        f"{plan.name}: {summary['frames']} frames, {summary['objects']} objects, "
+        f"{moving} moving group{'' if moving == 1 else 's'}, {summary['moving_pixels_percent']:.1f} % of the pixels move"
+    ]
+    lines += [f"  warning: {text}" for text in summary["warnings"]]
+    return [*lines, f"  masks: {plan.output.path / 'masks'}"]
+
+
+def tally_lines(tally: Tally, wall: float) -> list[str]:
+    """Seconds and memory per stage."""
+    lines = [f"{'stage':<11} {'seconds':>8} {'ms/frame':>9} {'peak MB':>8}"]
+    lines += [f"{s:<11} {sec:>8.2f} {ms:>9.1f} {mb:>8.0f}" for s, sec, ms, mb in tally.rows()]
+    total = sum(tally.seconds.values())
+    return [*lines, f"{'all':<11} {total:>8.2f}   in {wall:.1f} s"]

@@ -1,0 +1,122 @@
+"""summary.json: what came out of one video, with which settings, and what it took."""
+
+from __future__ import annotations
+
+import csv
+import json
+from io import StringIO
+from typing import Any
+
+import numpy as np
+
+from zsmoseg import __version__
+from zsmoseg.settings import Settings
+from zsmoseg.workflows.planning.plan import VideoPlan
+from zsmoseg.workflows.stages.front_end import Labels
+from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
+
+NAME = "summary.json"
+STATES = "motion.csv"
+
+
+def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
+    """Describe a finished video in its output folder, and clear the folder of what an older run left there."""
+    summary = summarise(plan, settings)
+    text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
+    plan.output.claim({})
+    for name, content in ((NAME, text), (STATES, states(plan))):
+        plan.output.write(name, content.encode(), plan.stages["groups"].key)
+    plan.output.remove_others([*plan.files, NAME, STATES])
+    return summary
+
+
+def states(plan: VideoPlan) -> str:
+    """CSV, a row for every object at every frame that shows it: whether it moves, and by what margin.
+
+    The margin is ln(excess / threshold), empty where it is unknown.
+    """
+    labels, groups, out = _labels(plan), _groups(plan), StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(["frame", "name", "seconds", "object", "instance", "group", "moving", "margin"])
+    for state in groups.blocks():
+        seen = labels.of(state.start, state.stop)
+        for frame, area in enumerate(seen.area, start=state.start):
+            for n in seen.object[area > 0]:
+                if n:
+                    local = int(np.searchsorted(state.object, n))
+                    moving, margin = (x[frame - state.start, local] for x in (state.moving, state.margin))
+                    about = [n, groups.instance[n], groups.group[n], int(moving)]
+                    when = [frame, plan.probe.names[frame], f"{plan.probe.times[frame]:.4f}"]
+                    rows.writerow([*when, *about, f"{margin:.3f}" if np.isfinite(margin) else ""])
+    return out.getvalue()
+
+
+def _groups(plan: VideoPlan) -> Groups:
+    artifact = plan.stages["groups"].artifact
+    assert artifact is not None
+    return Groups.read(artifact)
+
+
+def _labels(plan: VideoPlan) -> Labels:
+    artifact = plan.stages["labels"].artifact
+    assert artifact is not None
+    return Labels.read(artifact)
+
+
+def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
+    """Objects, groups, evidence, warnings, settings, keys, seconds and memory per stage."""
+    artifact = plan.stages["groups"].artifact
+    assert artifact is not None
+    record = artifact.part(0)
+    assert record is not None
+    found = Groups.read(artifact)
+    group, area, frames = found.group, found.area, len(plan.probe.times)
+    moving = moving_objects(found, 0, frames)
+    return {
+        "zsmoseg": __version__,
+        "source": plan.source,
+        "fingerprint": plan.fingerprint,
+        "frames": frames,
+        "size": [plan.probe.width, plan.probe.height],
+        "objects": int((area[1:] > 0).sum()),
+        "groups": len(np.unique(np.append(group, 0))),
+        "moving_groups": len(np.unique(group[group > 0])),
+        "moving_pixels_percent": _share(area, group, plan),
+        "warnings": record.facts["warnings"],
+        "evidence": [
+            {
+                "object": int(n),
+                "group": int(group[n]),
+                "instance": int(found.instance[n]),
+                "frames": int(found.frames[n]),
+                "frames_moving": int(moving[:, n].sum()),
+                "pixels": int(area[n]),
+                "excess_px": round(float(found.score[n]), 4),
+                "threshold_px": round(float(found.threshold[n]), 4),
+                "visibility": round(float(found.visibility[n]), 4),
+            }
+            for n in np.flatnonzero(area > 0)
+            if n > 0
+        ],
+        "settings": settings.flat(),
+        "keys": {name: stage.key for name, stage in plan.stages.items()},
+        "stages": {
+            name: _cost(plan, name) for name, stage in plan.stages.items() if stage.artifact is not None
+        },
+    }
+
+
+def _share(area: Any, group: Any, plan: VideoPlan) -> float:
+    """Percent of all pixels that belong to moving groups; areas are pixels of the displayed size."""
+    total = len(plan.probe.times) * plan.probe.width * plan.probe.height
+    return round(100.0 * float(area[group > 0].sum()) / total, 4)
+
+
+def _cost(plan: VideoPlan, name: str) -> dict[str, float]:
+    artifact = plan.stages[name].artifact
+    assert artifact is not None
+    records = [r for r in map(artifact.part, range(len(artifact.parts))) if r is not None]
+    return {
+        "seconds": round(sum(r.facts.get("seconds", 0.0) for r in records), 3),
+        "megabytes": round(sum(f["size"] for r in records for f in r.files.values()) / 1e6, 3),
+    }

@@ -1,0 +1,1 @@
+"""Stages of the cues: what is computed from pixels and kept."""

@@ -1,0 +1,72 @@
+"""Stage ``depth``: relative inverse depth of every frame; nothing where it is constant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg import settings
+from zsmoseg.depth import ground
+from zsmoseg.stores.arrays import Arrays
+from zsmoseg.stores.fields import video
+from zsmoseg.workflows.imports import depth_of
+from zsmoseg.workflows.stage import Part, Stage, reach, working_size
+from zsmoseg.workflows.stages.cues.frames import Frames
+
+
+@dataclass(frozen=True)
+class Depth(Arrays):
+    """Pseudo depth."""
+
+    inverse_depth: NDArray[np.float16] | None = video(
+        "frame", "y", "x", dtype="float16", meaning="relative inverse depth, near is large"
+    )
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What is read."""
+
+    frames: Frames = reach()
+
+
+@dataclass(frozen=True)
+class Sections:
+    """The settings that are read."""
+
+    frames: settings.Frames
+    depth: settings.Depth
+
+
+Backend = Callable[[Part, Sections], Iterator[NDArray[np.float32]]]
+"""Yields relative inverse depth (h, w) of every frame of the part."""
+
+
+def _ground(part: Part, s: Sections) -> Iterator[NDArray[np.float32]]:
+    plane = ground(*working_size(part.probe, s.frames.width))
+    return (plane for _ in range(part.start, part.stop))
+
+
+def _imported(part: Part, s: Sections) -> Iterator[NDArray[np.float32]]:
+    return depth_of(s.depth, part.probe, part.start, part.stop, working_size(part.probe, s.frames.width))
+
+
+BACKENDS: dict[str, Backend] = {"ground": _ground, "imported": _imported}
+"""By the setting ``depth.source``; ``constant`` leaves nothing."""
+
+
+def _constant(s: Sections) -> bool:
+    return s.depth.source == "constant"
+
+
+def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Depth]:
+    """Depth of one chunk."""
+    if not _constant(s):
+        depth = np.stack(list(BACKENDS[s.depth.source](part, s))).astype(np.float16)
+        yield Depth(start=part.start, stop=part.stop, inverse_depth=depth)
+
+
+STAGE = Stage("depth", 2, task, Inputs, Sections, Depth, nothing=_constant)

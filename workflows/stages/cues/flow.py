@@ -1,0 +1,98 @@
+"""Stage ``flow``: optical flow of every pair in both directions, and which pairs are cuts or repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg import flow, settings
+from zsmoseg.stores.arrays import Arrays
+from zsmoseg.stores.fields import table, video
+from zsmoseg.tables import CUT, STATES
+from zsmoseg.workflows.imports import flow_of
+from zsmoseg.workflows.stage import Part, Stage, reach, working_size
+from zsmoseg.workflows.stages.cues.frames import Frames
+
+Vectors = NDArray[np.float32]
+UNKNOWN = -32768
+
+
+def _vectors(meaning: str) -> Vectors:
+    """(pair, 2, h, w), stored in 64ths of a pixel: half of that is less than what flow errs by, and 500 px fit."""
+    dims = ("pair", "component", "y", "x")
+    stored: Vectors = video(
+        *dims, dtype="int16", meaning=meaning, unit="px", fill=UNKNOWN, scale=1 / 64, codec="flow"
+    )
+    return stored
+
+
+@dataclass(frozen=True)
+class Flow(Arrays):
+    """Optical flow, px of the working grid; a pair belongs to its first frame."""
+
+    forward: Vectors = _vectors("flow from the first frame to the second, x then y")
+    backward: Vectors = _vectors("flow from the second frame to the first, x then y")
+    state: NDArray[np.uint8] = table(
+        "pair", dtype="uint8", meaning="0 = a pair, 1 = a cut, 2 = a repeated frame"
+    )
+    valid: NDArray[np.bool_] = table("pair", dtype="bool", meaning="whether the two frames are a pair")
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What is read."""
+
+    frames: Frames = reach(1)
+
+
+@dataclass(frozen=True)
+class Sections:
+    """The settings that are read."""
+
+    frames: settings.Frames
+    flow: settings.Flow
+
+
+Backend = Callable[[Part, Inputs, Sections], Iterator[tuple[Vectors, Vectors]]]
+"""Yields flow forward and backward (2, h, w), px of the working grid, of every pair of the part."""
+
+
+def _dis(part: Part, inputs: Inputs, s: Sections) -> Iterator[tuple[Vectors, Vectors]]:
+    return (flow.between(a, b, s.flow) for a, b in pairwise(inputs.frames.image))
+
+
+def _imported(part: Part, inputs: Inputs, s: Sections) -> Iterator[tuple[Vectors, Vectors]]:
+    return flow_of(s.flow, part.probe, part.start, part.last_pair, working_size(part.probe, s.frames.width))
+
+
+BACKENDS: dict[str, Backend] = {"dis": _dis, "imported": _imported}
+"""By the setting ``flow.source``."""
+
+
+def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Flow]:
+    """Flow of the pairs that start in one chunk."""
+    images = inputs.frames.image
+    forward, backward = (
+        np.zeros((part.last_pair - part.start, 2, *images.shape[1:3]), np.float32) for _ in range(2)
+    )
+    state = np.zeros(len(forward), np.uint8)
+    pairs = zip(pairwise(images), BACKENDS[s.flow.source](part, inputs, s), strict=True)
+    for k, ((a, b), (there, back)) in enumerate(pairs):
+        forward[k], backward[k] = there, back
+        state[k] = STATES.index(flow.pair_state(a, b, there, back, s.flow))
+    yield Flow(
+        start=part.start, stop=part.stop, forward=forward, backward=backward, state=state, valid=state == 0
+    )
+
+
+def between_cuts(state: NDArray[np.uint8]) -> list[tuple[int, int]]:
+    """The shots, (start, stop) in frames, by the ``state`` of all pairs."""
+    cuts = (np.flatnonzero(state == CUT) + 1).tolist()
+    return list(zip([0, *cuts], [*cuts, len(state) + 1], strict=True))
+
+
+STAGE = Stage("flow", 2, task, Inputs, Sections, Flow, cost=(23.9, 328.4))

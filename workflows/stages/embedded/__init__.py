@@ -1,0 +1,1 @@
+"""Stages of the embedded front end: objects out of superpixels, without networks."""

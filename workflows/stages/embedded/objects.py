@@ -1,0 +1,103 @@
+"""Stage ``objects``: which superpixels are foreground and which object each belongs to, shot by shot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg import settings
+from zsmoseg.saliency import find_objects
+from zsmoseg.stores.fields import table
+from zsmoseg.tables import ChunkTables
+from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
+from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
+from zsmoseg.workflows.stages.embedded.features import Features
+from zsmoseg.workflows.stages.front_end import Objects, shot_columns
+
+BLOCK = 16
+"""Frames that are written at once."""
+
+
+@dataclass(frozen=True)
+class SuperpixelObjects(Objects):
+    """The objects as superpixels, those of all frames one after the other."""
+
+    score: NDArray[np.float32] = table(
+        "frame", dtype="float32", meaning="0: nothing moves by itself, to 1: something surely does"
+    )
+    superpixels: NDArray[np.int64] = table("frame", dtype="int64", meaning="number of superpixels")
+    value: NDArray[np.float32] = table("superpixel", dtype="float32", meaning="log-odds of being foreground")
+    object_of: NDArray[np.int32] = table("superpixel", dtype="int32", meaning="object, 0 = none")
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What is read."""
+
+    features: Features = reach(ALL)
+    flow: Flow = reach(ALL)
+
+
+@dataclass(frozen=True)
+class Sections:
+    """The settings that are read."""
+
+    frames: settings.Frames
+    objects: settings.Objects
+
+
+def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]:
+    """All shots of the video, one after the other; ids go on counting from shot to shot."""
+    found, last = between_cuts(inputs.flow.state), [0]
+    waiting: list[tuple[NDArray[np.float32], NDArray[np.int32], float]] = []
+    frame = 0
+
+    def load(start: int, stop: int) -> ChunkTables:
+        return inputs.features.of(start, stop).tables()
+
+    for shot in found:
+        highest = last[-1]
+        for value, named, score in find_objects(
+            load, shot, working_size(part.probe, s.frames.width), s.objects
+        ):
+            ids = np.where(named > 0, named + last[-1], 0).astype(np.int32)
+            highest = max(highest, int(ids.max(initial=0)))
+            waiting.append((value, ids, score))
+            frame += 1
+            if frame % BLOCK == 0 or frame == part.frames:
+                yield _block(frame, waiting)
+                waiting = []
+        last.append(highest)
+    yield SuperpixelObjects(**shot_columns(part.frames, found, last[1:]))
+
+
+def _block(stop: int, found: list[tuple[NDArray[np.float32], NDArray[np.int32], float]]) -> SuperpixelObjects:
+    """The frames up to ``stop``: value and object of the superpixels, and score, of each."""
+    values, ids, scores = zip(*found, strict=True)
+    return SuperpixelObjects(
+        start=stop - len(found),
+        stop=stop,
+        score=np.array(scores, np.float32),
+        superpixels=np.array([len(value) for value in values], np.int64),
+        value=np.concatenate(values),
+        object_of=np.concatenate(ids),
+    )
+
+
+def each_frame(
+    objects: SuperpixelObjects, start: int, stop: int
+) -> Iterator[tuple[NDArray[np.float32], NDArray[np.int32]]]:
+    """Value and object of the superpixels of the frames ``start`` to ``stop - 1``."""
+    for block in objects.of(start, stop).blocks():
+        if not block.has("value"):
+            continue
+        ends = np.cumsum([0, *block.superpixels])
+        for k in range(max(start - block.start, 0), min(stop, block.stop) - block.start):
+            rows = slice(ends[k], ends[k + 1])
+            yield block.value[rows], block.object_of[rows]
+
+
+STAGE = Stage("objects", 3, task, Inputs, Sections, SuperpixelObjects, "video", cost=(14.2, 6.2))

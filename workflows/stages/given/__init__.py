@@ -1,0 +1,1 @@
+"""Stages of the front end for masks that are given."""

@@ -1,0 +1,126 @@
+"""Stage ``objects`` of given masks: which object each mask of each frame belongs to, shot by shot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg import settings
+from zsmoseg.carrying import Linker
+from zsmoseg.stores.fields import table
+from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
+from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
+from zsmoseg.workflows.stages.front_end import Objects, shot_columns
+from zsmoseg.workflows.stages.given.proposals import Proposals
+from zsmoseg.workflows.stages.motion.statistics import shrink
+
+Ids = NDArray[np.int64]
+HIGHEST = 1023
+"""Ids up to here are kept as they are; sparser ones are numbered in their order, for tables grow with the highest."""
+
+
+@dataclass(frozen=True)
+class GivenObjects(Objects):
+    """The objects as masks, those of all frames that have some one after the other."""
+
+    known: NDArray[np.bool_] = table("frame", dtype="bool", meaning="whether there are masks of the frame")
+    masks: Ids = table("frame", dtype="int64", meaning="how many masks it has")
+    number: Ids = table("mask_of_frame", dtype="int64", meaning="number of the mask in its frame")
+    object_of: Ids = table("mask_of_frame", dtype="int64", meaning="its object")
+    object: Ids = table("object", dtype="int64", meaning="number of the object")
+    origin: Ids = table("object", dtype="int64", meaning="its id in the files, 0 where they have none")
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What is read."""
+
+    proposals: Proposals = reach(ALL)
+    flow: Flow = reach(ALL)
+
+
+@dataclass(frozen=True)
+class Sections:
+    """The settings that are read."""
+
+    frames: settings.Frames
+    proposals: settings.Proposals
+
+
+def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[GivenObjects]:
+    """All shots of the video."""
+    found = between_cuts(inputs.flow.state)
+    known = _numbers(inputs.proposals)
+    if s.proposals.kind == "ids":
+        objects, last, origin = _by_id(known, found)
+    else:
+        objects, last = _linked(inputs, s.proposals, known, found, working_size(part.probe, s.frames.width))
+        origin = np.zeros(last[-1] + 1, np.int64)
+    yield GivenObjects(
+        known=inputs.proposals.known,
+        masks=inputs.proposals.masks,
+        number=inputs.proposals.number,
+        object_of=np.concatenate([np.zeros(0, np.int64), *objects]),
+        object=np.arange(len(origin), dtype=np.int64),
+        origin=origin,
+        **shot_columns(part.frames, found, last),
+    )
+
+
+def _numbers(proposals: Proposals) -> dict[int, Ids]:
+    """Every frame with masks, and their numbers."""
+    ends = np.cumsum([0, *proposals.masks])
+    return {int(t): proposals.number[ends[t] : ends[t + 1]] for t in np.flatnonzero(proposals.known)}
+
+
+def _by_id(known: dict[int, Ids], found: list[tuple[int, int]]) -> tuple[list[Ids], list[int], Ids]:
+    """Object = id in the first shot; later shots go on counting, for objects live within a shot."""
+    ids = np.unique(np.concatenate([np.zeros(0, np.int64), *known.values()]))
+    if ids.size and ids[-1] <= HIGHEST:
+        ids = np.arange(1, ids[-1] + 1)
+    count = len(ids)
+    starts = np.array([start for start, _ in found])
+    objects = []
+    for frame, numbers in known.items():
+        shot = int(np.searchsorted(starts, frame, side="right")) - 1
+        objects.append(np.searchsorted(ids, numbers) + 1 + shot * count)
+    last = [count * (shot + 1) for shot in range(len(found))]
+    return objects, last, np.append(0, np.tile(ids, len(found))).astype(np.int64)
+
+
+def _linked(
+    inputs: Inputs,
+    s: settings.Proposals,
+    known: dict[int, Ids],
+    found: list[tuple[int, int]],
+    grid: tuple[int, int],
+) -> tuple[list[Ids], list[int]]:
+    """Masks of single frames, linked along the flow on the working grid; frame by frame."""
+    linker, objects, last = Linker(s.link_overlap, s.link_gap), [], []
+    for start, stop in found:
+        linker.start(grid)
+        for t in range(start, stop):
+            if t > start:
+                linker.carry(inputs.flow.of(t - 1, t).backward[0])
+            if t in known:
+                (small,) = shrink(inputs.proposals.of(t, t + 1).mask, *grid)
+                objects.append(linker.see(small, known[t]))
+        last.append(linker.last)
+    return objects, last
+
+
+def lookups(objects: GivenObjects) -> dict[int, Ids]:
+    """For every frame with masks the table from number to object."""
+    ends, found = np.cumsum([0, *objects.masks]), {}
+    for t in np.flatnonzero(objects.known):
+        rows = slice(ends[t], ends[t + 1])
+        lookup = np.zeros(int(objects.number[rows].max(initial=0)) + 1, np.int64)
+        lookup[objects.number[rows]] = objects.object_of[rows]
+        found[int(t)] = lookup
+    return found
+
+
+STAGE = Stage("objects", 2, task, Inputs, Sections, GivenObjects, "video", cost=(2.0, 0.1))

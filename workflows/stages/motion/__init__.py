@@ -1,0 +1,1 @@
+"""Stages from labels to groups: everything behind the front ends."""

@@ -1,0 +1,133 @@
+"""Stage ``statistics``: the one pass over the pixels behind every motion model, and place and colour of the objects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg import settings
+from zsmoseg.linking import measure_pieces
+from zsmoseg.motion.models import MONOMIALS, SIZE
+from zsmoseg.motion.photometric import explained, grey, world_motion
+from zsmoseg.motion.statistics import UNUSED, pair_statistics, slots
+from zsmoseg.stores.arrays import Arrays
+from zsmoseg.stores.fields import table
+from zsmoseg.workflows.stage import Part, Stage, ignored, reach, working_size
+from zsmoseg.workflows.stages.cues.depth import Depth
+from zsmoseg.workflows.stages.cues.flow import Flow
+from zsmoseg.workflows.stages.cues.frames import Frames
+from zsmoseg.workflows.stages.front_end import Labels
+
+Floats = NDArray[np.float64]
+GRAM = ("monomial", "with_monomial")
+
+
+@dataclass(frozen=True)
+class Statistics(Arrays):
+    """Sums over the pixels of every object of a chunk, the background first."""
+
+    labels: ClassVar[Mapping[str, Sequence[str]]] = {
+        "monomial": MONOMIALS,
+        "with_monomial": MONOMIALS,
+        "explanation": ("world", "flow"),
+        "side": ("left", "top", "right", "bottom"),
+    }
+
+    object: NDArray[np.int64] = table("object", dtype="int64", meaning="number of the object")
+    valid: NDArray[np.bool_] = table("pair", dtype="bool", meaning="whether the two frames are a pair")
+    gram: Floats = table(
+        "pair", "object", *GRAM, dtype="float64", meaning="sums of products of monomials and flow", fill=0
+    )
+    cells: Floats = table(
+        "pair", "cell", *GRAM, dtype="float64", meaning="the same of cells of the background", fill=0
+    )
+    unexplained: Floats = table(
+        "pair",
+        "object",
+        "explanation",
+        dtype="float64",
+        meaning="change of the image that the world's motion, or the flow, leaves unexplained",
+        unit="grey levels^2 px",
+        fill=0,
+    )
+    area: NDArray[np.int32] = table(
+        "frame", "object", dtype="int32", meaning="pixels of the working grid", unit="px^2"
+    )
+    box: NDArray[np.float32] = table(
+        "frame", "object", "side", dtype="float32", meaning="box around the object, end exclusive", unit="px"
+    )
+    colour: NDArray[np.int64] = table(
+        "object", "bin", dtype="int64", meaning="histogram of L, a, b over the chunk", unit="px^2", add=True
+    )
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What is read."""
+
+    frames: Frames = reach(1)
+    flow: Flow = reach()
+    depth: Depth = reach()
+    labels: Labels = reach()
+
+
+@dataclass(frozen=True)
+class Sections:
+    """The settings that are read."""
+
+    frames: settings.Frames
+    statistics: settings.Statistics
+    ignore: settings.Ignore
+
+
+def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Statistics]:
+    """The statistics of one chunk."""
+    grid = working_size(part.probe, s.frames.width)
+    labels, images, mask = shrink(inputs.labels.label, *grid), inputs.frames.image, ignored(s.ignore, *grid)
+    ids = np.union1d([0], np.flatnonzero(np.bincount(labels.ravel()))).astype(np.int64)
+    rows = len(ids) + s.statistics.cells_y * s.statistics.cells_x
+    grams = np.zeros((part.last_pair - part.start, rows, SIZE, SIZE))
+    valid, forward, backward, depth = (
+        inputs.flow.valid,
+        inputs.flow.forward,
+        inputs.flow.backward,
+        inputs.depth.inverse_depth,
+    )
+    unexplained = np.zeros((len(grams), len(ids), 2))
+    looks = [grey(image) for image in images]
+    for m in np.flatnonzero(valid):
+        known = None if depth is None else depth[m]
+        grams[m] = pair_statistics(labels[m], ids, forward[m], backward[m], known, mask, s.statistics)
+        world = world_motion(grams[m, 0], grams[m, : len(ids)].sum(0))
+        slot = slots(labels[m], ids)
+        if mask is not None:
+            slot[mask] = UNUSED
+        unexplained[m] = explained(looks[m], looks[m + 1], forward[m], world, slot, len(ids))
+    pieces = measure_pieces(labels, images[: part.stop - part.start], ids)
+    yield Statistics(
+        start=part.start,
+        stop=part.stop,
+        object=ids,
+        valid=valid,
+        gram=grams[:, : len(ids)],
+        cells=grams[:, len(ids) :],
+        unexplained=unexplained,
+        area=pieces.area,
+        box=pieces.box,
+        colour=pieces.colour,
+    )
+
+
+def shrink(labels: NDArray[np.uint16], height: int, width: int) -> NDArray[np.uint16]:
+    """Labels on the working grid: nearest."""
+    size = width, height
+    small: list[Any] = [cv2.resize(label, size, interpolation=cv2.INTER_NEAREST_EXACT) for label in labels]
+    return np.stack(small)
+
+
+STAGE = Stage("statistics", 5, task, Inputs, Sections, Statistics, cost=(3.9, 18.0))

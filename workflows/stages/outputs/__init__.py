@@ -1,0 +1,1 @@
+"""Stages that leave files in the output folder."""
