@@ -74,7 +74,7 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
 def _run(job: Job) -> Outcome:
     from zsmoseg.stores.files import full_disk_in_words
     from zsmoseg.stores.location import Store
-    from zsmoseg.video import Probe
+    from zsmoseg.video.probe import Probe
     from zsmoseg.workflows.stage import Task
     from zsmoseg.workflows.stages import GRAPHS
 

@@ -14,7 +14,7 @@ from zsmoseg.settings import resolve
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.records import list_runs
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.run import Request, run
 from zsmoseg.workflows.stages.masks import moving_objects
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.schema import ArraySpec
-from zsmoseg.video import Probe, read_ignore
+from zsmoseg.video.ignore import read_ignore
+from zsmoseg.video.probe import Probe
 
 Array = np.ndarray[Any, Any]
 ALL = -1

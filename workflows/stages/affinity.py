@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.grouping.affinity import accumulate, normalised
+from zsmoseg.grouping.affinity import Kernel, accumulate, normalised
 from zsmoseg.grouping.fusion import fused
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.reading import Span, local_ids, overlapping, spans
@@ -25,7 +25,7 @@ def task(task: Task) -> Left:
 def _groups(task: Task) -> Iterator[tuple[str, Mapping[str, NDArray[Any]]]]:
     s = task.settings.affinity
     for span in spans(task.inputs["objects"]):
-        views = [accumulate(pairs, len(span.objects), s) for pairs in _cues(task, span)]
+        views = [accumulate(pairs, len(span.objects), s.group(Kernel)) for pairs in _cues(task, span)]
         affinities = [normalised(*view) for view in views]
         one = len(views) == 1
         yield (

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from zsmoseg.depth import ground
+from zsmoseg.depth.ground import ground
 from zsmoseg.stores.schema import ArraySpec
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.imports import depth_of
 from zsmoseg.workflows.stage import Left, Stage, Task, working_size
 

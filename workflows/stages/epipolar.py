@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.flow.trajectories import Tracks, look_up
 from zsmoseg.grouping.epipolar import epipolar_residuals
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.trajectories import Tracks, look_up
 from zsmoseg.workflows.reading import Span, spans
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
 from zsmoseg.workflows.stages.statistics import shrink

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg import flow
+from zsmoseg.flow.dis import Dis, between
+from zsmoseg.flow.pairs import STATES, PairCriteria, pair_state
 from zsmoseg.stores.schema import ArraySpec
-from zsmoseg.tables import STATES
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.imports import flow_of
 from zsmoseg.workflows.stage import Left, Stage, Task, working_size
 
@@ -40,10 +40,11 @@ def task(task: Task) -> Left:
     """Flow of the pairs that start in one chunk."""
     frames = task.inputs["frames"].read("frame", task.start, task.last_pair + 1)
     forward, backward, states = [], [], []
-    for (a, b), (there, back) in zip(pairwise(frames), _pairs(task, frames), strict=True):
-        forward.append(there)
+    criteria = task.settings.flow.group(PairCriteria)
+    for (a, b), (ahead, back) in zip(pairwise(frames), _pairs(task, frames), strict=True):
+        forward.append(ahead)
         backward.append(back)
-        states.append(STATES.index(flow.pair_state(a, b, there, back, task.settings.flow)))
+        states.append(STATES.index(pair_state(a, b, ahead, back, criteria)))
     grid = task.grid
     state = np.array(states, np.uint8)
     return Left(
@@ -58,11 +59,12 @@ def task(task: Task) -> Left:
 def _pairs(
     task: Task, frames: NDArray[np.uint8]
 ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-    """Flow there and back of every pair of the chunk."""
+    """Flow forward and backward of every pair of the chunk."""
     s = task.settings.flow
     if s.source == "imported":
         return flow_of(s, task.probe, task.start, task.last_pair, task.grid)
-    return (flow.between(a, b, s) for a, b in pairwise(frames))
+    parameters = s.group(Dis)
+    return (between(a, b, parameters) for a, b in pairwise(frames))
 
 
 STAGE = Stage(

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.grouping.evidence import PairGrams
-from zsmoseg.grouping.groups import ShotGroups, group_shot
-from zsmoseg.linking import Pieces
+from zsmoseg.grouping.groups import Grouping, ShotGroups, group_shot
+from zsmoseg.grouping.pieces import Pieces
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.reading import Span, local_ids, overlapping, spans
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
@@ -44,7 +44,7 @@ def _shots(
         own = slice(0 if not columns else 1, None)
         for name, values in {**_columns(answer, groups, things), "visibility": visibility}.items():
             columns.setdefault(name, []).append(values[own])
-        groups, things = groups + int(answer.group.max()), things + int(answer.thing.max())
+        groups, things = groups + int(answer.group.max()), things + int(answer.instance.max())
         yield (
             f"shot-{span.start:08d}-{span.stop:08d}",
             {
@@ -69,7 +69,9 @@ def _group(task: Task, span: Span, visibility: NDArray[np.float64]) -> ShotGroup
     affinity = task.inputs["affinity"].read_table(0, span.name)["affinity"]
     pieces = read_pieces(statistics, span)
     model = task.settings.motion.model
-    return group_shot(shot, pieces, affinity, task.grid, model, task.settings.groups, visibility)
+    return group_shot(
+        shot, pieces, affinity, task.grid, model, task.settings.groups.group(Grouping), visibility
+    )
 
 
 def _columns(answer: ShotGroups, groups: int, things: int) -> dict[str, NDArray[Any]]:
@@ -79,7 +81,7 @@ def _columns(answer: ShotGroups, groups: int, things: int) -> dict[str, NDArray[
     threshold = np.where(np.isfinite(d.threshold), d.threshold, unreached)
     return {
         "group": np.where(answer.group > 0, answer.group + groups, 0),
-        "thing": np.where(answer.thing > 0, answer.thing + things, 0),
+        "thing": np.where(answer.instance > 0, answer.instance + things, 0),
         "score": d.score,
         "threshold": threshold,
         "yardstick": np.full(count, d.yardstick),

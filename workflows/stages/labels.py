@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from zsmoseg.paint import paint
 from zsmoseg.stores.schema import ArraySpec
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
 from zsmoseg.workflows.stages.objects import read_frame_objects
 

@@ -8,9 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.masks import encode_png, paint_table
+from zsmoseg.painting.numbers import paint_table
+from zsmoseg.painting.palette import encode_png
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
 
 

@@ -9,8 +9,10 @@ from types import SimpleNamespace
 import av
 import numpy as np
 
-from zsmoseg.masks import overlay, paint_table
-from zsmoseg.video import Probe, read
+from zsmoseg.painting.numbers import paint_table
+from zsmoseg.painting.overlay import overlay
+from zsmoseg.video.probe import Probe
+from zsmoseg.video.reading import read
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
 from zsmoseg.workflows.stages.masks import moving_objects
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from zsmoseg.stores.schema import ArraySpec
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.imports import masks_of
 from zsmoseg.workflows.stage import Left, Stage, Task
 

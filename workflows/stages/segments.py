@@ -8,7 +8,7 @@ import numpy as np
 
 from zsmoseg import superpixels
 from zsmoseg.stores.schema import ArraySpec
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.stage import Left, Stage, Task, working_size
 
 

@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.linking import measure_pieces
+from zsmoseg.grouping.pieces import measure_pieces
+from zsmoseg.motion.measuring import measure_pair
 from zsmoseg.motion.models import SIZE
-from zsmoseg.motion.photometric import explained, grey, world_motion
-from zsmoseg.motion.statistics import UNUSED, pair_statistics, slots
+from zsmoseg.motion.photometric import grey
+from zsmoseg.motion.statistics import Sums
 from zsmoseg.workflows.reading import read_states
 from zsmoseg.workflows.stage import Left, Stage, Task
 
@@ -21,30 +22,30 @@ def task(task: Task) -> Left:
     ignore = task.ignored
     pixels = np.bincount(labels.ravel())
     ids = np.union1d([0], np.flatnonzero(pixels)).astype(np.int64)
-    s = task.settings.statistics
-    rows = len(ids) + s.cells_y * s.cells_x
-    grams = np.zeros((task.last_pair - task.start, rows, SIZE, SIZE))
+    sums, pairs = task.settings.statistics.group(Sums), task.last_pair - task.start
+    grams = np.zeros((pairs, len(ids), SIZE, SIZE))
+    cells = np.zeros((pairs, sums.cells_y * sums.cells_x, SIZE, SIZE))
     valid = read_states(task.inputs["flow"], task.start, task.last_pair) == 0
-    flow, back = (task.inputs["flow"].read(n, task.start, task.last_pair) for n in ("forward", "backward"))
-    depth = task.inputs["depth"]
-    known = depth.read("inverse_depth", task.start, task.stop) if depth.has("inverse_depth") else None
-    unexplained = np.zeros((len(grams), len(ids), 2))
+    forward, backward = (
+        task.inputs["flow"].read(n, task.start, task.last_pair) for n in ("forward", "backward")
+    )
+    depths = task.inputs["depth"]
+    known = depths.read("inverse_depth", task.start, task.stop) if depths.has("inverse_depth") else None
+    unexplained = np.zeros((pairs, len(ids), 2))
     looks = [grey(frame) for frame in frames]
     for m in np.flatnonzero(valid):
-        inverse_depth = None if known is None else known[m]
-        grams[m] = pair_statistics(labels[m], ids, flow[m], back[m], inverse_depth, ignore, s)
-        world = world_motion(grams[m, 0], grams[m, : len(ids)].sum(0))
-        slot = slots(labels[m], ids)
-        if ignore is not None:
-            slot[ignore] = UNUSED
-        unexplained[m] = explained(looks[m], looks[m + 1], flow[m], world, slot, len(ids))
+        depth = None if known is None else known[m]
+        found = measure_pair(
+            labels[m], ids, forward[m], backward[m], depth, (looks[m], looks[m + 1]), ignore, sums
+        )
+        grams[m], cells[m], unexplained[m] = found.gram, found.cells, found.unexplained
     pieces = measure_pieces(labels, frames[: task.stop - task.start], ids)
     return Left(
         tables={
             "object": ids,
             "valid": valid,
-            "gram": grams[:, : len(ids)],
-            "cells": grams[:, len(ids) :],
+            "gram": grams,
+            "cells": cells,
             "unexplained": unexplained,
             "area": pieces.area,
             "box": pieces.box,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from zsmoseg.tables import STATES, chunk_tables
+from zsmoseg.flow.pairs import STATES
+from zsmoseg.tables import chunk_tables
 from zsmoseg.workflows.reading import read_states
 from zsmoseg.workflows.stage import Left, Stage, Task
 

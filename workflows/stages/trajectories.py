@@ -7,8 +7,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from zsmoseg.flow.trajectories import Tracks, follow
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.trajectories import Tracks, follow
 from zsmoseg.workflows.reading import shots
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
 
