@@ -225,6 +225,6 @@ def test_no_tracks_give_no_pairs() -> None:
 
 def test_residuals_are_the_same_bytes_again() -> None:
     tracks, label = scene_tracks()
-    one, again = ([p.residual for p in epipolar_residuals(tracks, label)] for _ in range(2))
+    one, again = ([p.residual for p in epipolar_residuals(tracks, label, GAPS)] for _ in range(2))
     for a, b in zip(one, again, strict=True):
         np.testing.assert_array_equal(a, b)
