@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from zsmoseg.masks import encode_png
+from zsmoseg.painting.palette import encode_png
 
 TEN = [
     "blackswan",

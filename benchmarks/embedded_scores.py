@@ -22,7 +22,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from zsmoseg import flow, paint, saliency, superpixels, tables
+from zsmoseg import paint, saliency, superpixels, tables
+from zsmoseg.flow import dis
 from zsmoseg.settings import Settings, parse_override, resolve
 
 CLOCK: dict[str, float] = defaultdict(float)
@@ -76,7 +77,7 @@ def cues(folder: Path, s: Settings, cache: Path | None = None) -> Clip:
 
 def flow_of(frames: np.ndarray, s: Settings) -> dict[str, np.ndarray]:
     """Flow of all pairs as it is stored: int16, 1/64 px."""
-    pairs = [flow.between(a, b, s.flow) for a, b in pairwise(frames)]
+    pairs = [dis.between(a, b, s.flow.group(dis.Dis)) for a, b in pairwise(frames)]
     forward, backward = (np.rint(np.stack(x) * 64).astype(np.int16) for x in zip(*pairs, strict=True))
     return {"forward": forward, "backward": backward}
 
@@ -88,7 +89,7 @@ def kept(
     if cache is None:
         with clock(label):
             return make()
-    source = "".join(Path(m.__file__).read_text() for m in (flow, superpixels, tables))
+    source = "".join(Path(m.__file__).read_text() for m in (dis, superpixels, tables))
     path = cache / f"{sha256((name + source).encode()).hexdigest()[:16]}.npz"
     if not path.exists():
         with clock(label):

@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from zsmoseg.grouping.arrays import group_arrays
+from zsmoseg.grouping.core import Core, group_arrays
 from zsmoseg.grouping.groups import ShotGroups
 from zsmoseg.settings import Settings, resolve
 from zsmoseg.synthetic import CAMERAS, Scene, flow_scene
@@ -23,7 +23,8 @@ INLIER = {**SHIFT, "groups.rule": "spectral"}
 
 def answer(scene: Scene, settings: Settings) -> ShotGroups:
     """The groups of a scene with its inverse depth."""
-    return group_arrays(scene.labels, scene.pictures, scene.flow, scene.inverse_depth, settings)
+    model, core = settings.motion.chosen(True), settings.group(Core)
+    return group_arrays(scene.labels, scene.pictures, scene.flow, scene.inverse_depth, model, core)
 
 
 def paper(scene: Scene, ranking: str, share: float) -> dict[str, Any]:

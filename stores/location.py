@@ -163,7 +163,7 @@ class Store:
     # ------------------------------------------------------------------ fingerprints
     def fingerprint(self, source: str, method: str) -> str:
         """The fingerprint of a source: the one known here if no file was touched since, else computed."""
-        from zsmoseg.sources import fingerprint, stat_signature
+        from zsmoseg.video.sources import fingerprint, stat_signature
 
         return self.fingerprint_of(f"{method} {stat_signature(source)}", lambda: fingerprint(source, method))
 

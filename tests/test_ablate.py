@@ -10,7 +10,7 @@ import pytest
 from conftest import draw_clip, write_folder
 from PIL import Image
 
-from zsmoseg.masks import encode_png
+from zsmoseg.painting.palette import encode_png
 from zsmoseg.workflows.ablation import sweep
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.result import open_store

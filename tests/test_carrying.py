@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from zsmoseg.carrying import Linker, here, look_up, nearest_known, step
-from zsmoseg.flow import inverted, resized
+from zsmoseg.flow.warp import inverted, resized
 
 
 def square(x: int, y: int, side: int = 10, shape: tuple[int, int] = (60, 80)) -> np.ndarray:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from zsmoseg.grouping.affinity import accumulate, normalised
+from zsmoseg.flow.trajectories import Tracks
+from zsmoseg.grouping.affinity import Kernel, accumulate, normalised
 from zsmoseg.grouping.epipolar import (
     LEAST_POINTS,
     epipolar_residuals,
@@ -19,8 +20,8 @@ from zsmoseg.grouping.epipolar import (
 from zsmoseg.grouping.fusion import fused
 from zsmoseg.grouping.twoview import CUES, SAMPLE, centred, distances, fit_samples
 from zsmoseg.settings import resolve
-from zsmoseg.trajectories import Tracks
 
+GAPS = resolve().trajectories.gaps
 FOCAL, CENTRE = 300.0, np.array([200.0, 120.0])
 
 
@@ -191,8 +192,8 @@ def test_pairs_of_a_gap_do_not_overlap() -> None:
 
 def test_residuals_make_an_affinity_that_parts_movers_from_the_scene_alone_and_fused() -> None:
     tracks, label = scene_tracks()
-    pairs = ((p.ids, p.residual, p.points) for p in epipolar_residuals(tracks, label))
-    view = normalised(*accumulate(pairs, 5, resolve().affinity))
+    pairs = ((p.ids, p.residual, p.points) for p in epipolar_residuals(tracks, label, GAPS))
+    view = normalised(*accumulate(pairs, 5, resolve().affinity.group(Kernel)))
     for affinity in (view, fused([view, view]), fused([view, view], 2)):
         same = np.array([0, 0, 0, 1, 1])
         within = affinity[same[:, None] == same]
@@ -219,11 +220,11 @@ def test_a_track_that_changes_its_object_says_nothing() -> None:
 
 def test_no_tracks_give_no_pairs() -> None:
     none = Tracks(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2), np.float32))
-    assert list(epipolar_residuals(none, np.zeros(0, np.int64))) == []
+    assert list(epipolar_residuals(none, np.zeros(0, np.int64), GAPS)) == []
 
 
 def test_residuals_are_the_same_bytes_again() -> None:
     tracks, label = scene_tracks()
-    one, again = ([p.residual for p in epipolar_residuals(tracks, label)] for _ in range(2))
+    one, again = ([p.residual for p in epipolar_residuals(tracks, label, GAPS)] for _ in range(2))
     for a, b in zip(one, again, strict=True):
         np.testing.assert_array_equal(a, b)

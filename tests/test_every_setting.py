@@ -87,7 +87,7 @@ SETUP: dict[str, dict[str, Any]] = {
     "groups.small": {"groups.small_fraction": 1.0, "groups.certain": 1000.0, "groups.top_fraction": 0.3},
     "groups.coherent_part": {"groups.coherent": 1000.0},
     "groups.colour": {"groups.coherent": 1000.0},
-    "groups.gap": {"groups.frames": 8, "groups.top_fraction": 0.3},
+    "groups.gap": {"groups.least_pairs": 8, "groups.top_fraction": 0.3},
     "groups.equal": {"affinity.factor": 4.0},
     "groups.same": {"groups.same_own": 0.0},
     "objects.clean_power": DEMANDING,

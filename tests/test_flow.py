@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from conftest import textured
 
-from zsmoseg import flow
+from zsmoseg.flow.consistency import Tolerance, closed, round_trip, round_trip_of
+from zsmoseg.flow.dis import Dis, between
+from zsmoseg.flow.pairs import PairCriteria, pair_state
 from zsmoseg.settings import Flow
 
-S = Flow()
+S = Flow().group(Dis)
 FAST = ("motocross-jump", "drift-straight", "bmx-trees")
 
 
@@ -24,7 +26,7 @@ def view(image: np.ndarray, x: int, y: int) -> np.ndarray:
 
 
 def state(a: np.ndarray, b: np.ndarray) -> str:
-    return flow.pair_state(a, b, *flow.between(a, b, S), S)
+    return pair_state(a, b, *between(a, b, S), Flow().group(PairCriteria))
 
 
 def small_frames(davis: Path, name: str) -> list[np.ndarray]:
@@ -34,7 +36,7 @@ def small_frames(davis: Path, name: str) -> list[np.ndarray]:
 
 def test_flow_of_a_pan_is_the_pan_and_its_opposite():
     a, b = view(world(), 10, 8), view(world(), 14, 6)
-    forward, backward = flow.between(a, b, S)
+    forward, backward = between(a, b, S)
     assert forward.shape == backward.shape == (2, 120, 160)
     assert forward.dtype == np.float32
     inside = np.s_[:, 12:-12, 12:-12]
@@ -45,7 +47,7 @@ def test_flow_of_a_pan_is_the_pan_and_its_opposite():
 @pytest.mark.parametrize("shape", [(16, 32), (32, 33), (120, 35)])
 def test_small_grids_have_flow(shape):
     image = textured(np.random.default_rng(0), *shape, (100, 100, 100))
-    assert np.isfinite(flow.between(image, np.roll(image, 1, 1), S)).all()
+    assert np.isfinite(between(image, np.roll(image, 1, 1), S)).all()
 
 
 def test_a_frame_shown_twice_is_a_repeat_also_with_noise_and_another_coding():
@@ -94,3 +96,56 @@ def test_every_change_from_one_real_shot_to_another_is_a_cut(davis):
         ]
     pairs = list(itertools.permutations(names, 2))[::2]
     assert {state(ends[a][0], ends[b][1]) for a, b in pairs} == {"cut"}
+
+
+# ----------------------------------------------------------------------- there and back
+CLOSURE = Tolerance(0.5, 0.05, "sum")
+
+
+def test_flow_that_does_not_lead_back_or_leads_out_is_no_flow():
+    flow = np.zeros((2, 30, 40), np.float32)
+    flow[0] = 3.0
+    back = -flow
+    back[:, 10:15] = 0.0
+    lost = ~closed(round_trip(flow, back), CLOSURE)
+    assert lost[10:15].all()
+    assert lost[:, 37:].all(), "what leaves the frame has no way back"
+    rest = np.delete(lost, np.s_[10:15], axis=0)
+    assert not rest[:, :36].any()
+    flow[:, 20, 20] = np.nan
+    assert not closed(round_trip(flow, back), CLOSURE)[20, 20]
+    back[0] += 0.6
+    assert closed(round_trip(flow, back), CLOSURE)[2, 2], "half a pixel and a part of the length"
+    assert not closed(round_trip(flow, back), Tolerance(0.5, 0.0, "sum"))[2, 2]
+
+
+def test_each_rule_of_closure_allows_what_it_says():
+    forward, backward = np.zeros((2, 1, 40), np.float32), np.zeros((2, 1, 40), np.float32)
+    forward[0], backward[0] = 10.0, -8.0
+    trip = round_trip(forward, backward)
+    np.testing.assert_array_equal(trip.error[0, 0, :30], 2.0)
+    for rule, absolute, relative, good in (
+        ("sum", 1.0, 0.1, True), ("sum", 0.9, 0.1, False), ("larger", 1.0, 0.2, True), ("larger", 1.0, 0.1, False),
+        ("squares", 2.4, 0.01, True), ("squares", 2.3, 0.01, False),
+    ):  # fmt: skip
+        assert closed(trip, Tolerance(absolute, relative, rule))[0, 0] == good
+
+
+def test_points_and_pixels_go_the_same_way():
+    rng = np.random.default_rng(0)
+    forward, backward = rng.normal(0, 1, (2, 2, 20, 30)).astype(np.float32)
+    y, x = np.mgrid[5:15, 5:25]
+    place = np.stack([x.ravel(), y.ravel()]).astype(np.float32)
+    points, pixels = round_trip_of(place, forward, backward), round_trip(forward, backward)
+    np.testing.assert_allclose(points.end, pixels.end[:, 5:15, 5:25].reshape(2, -1), atol=1e-6)
+    np.testing.assert_allclose(points.error, pixels.error[:, 5:15, 5:25].reshape(2, -1), atol=0.1)
+    assert points.inside.all()
+
+
+def test_a_coarser_grid_is_read_with_flow_in_px_of_the_finer_one():
+    forward = np.zeros((2, 10, 10), np.float32)
+    forward[0] = 8.0
+    trip = round_trip(forward, -forward, scale=4)
+    np.testing.assert_array_equal(trip.end[0, 0], np.arange(10) + 2)
+    assert not trip.error[:, :, :8].any()
+    assert trip.inside.sum() == 80

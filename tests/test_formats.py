@@ -35,7 +35,7 @@ from zsmoseg.formats.keep import encode_keep
 from zsmoseg.formats.layers import stack
 from zsmoseg.formats.mots import encode_mots
 from zsmoseg.formats.ytvis import encode_ytvis
-from zsmoseg.masks import encode_png
+from zsmoseg.painting.palette import encode_png
 
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 """pycocotools' decoder, which only the tests use, is older than numpy 2."""

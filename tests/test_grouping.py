@@ -9,25 +9,35 @@ import numpy as np
 import pytest
 
 from zsmoseg.grouping import decision
-from zsmoseg.grouping.affinity import UNKNOWN, accumulate, normalised
-from zsmoseg.grouping.arrays import group_arrays, shot_grams
+from zsmoseg.grouping.affinity import UNKNOWN, Kernel, accumulate, normalised
 from zsmoseg.grouping.clustering import average_linkage, by_weight, k_means, spectral
-from zsmoseg.grouping.decision import coherent
+from zsmoseg.grouping.core import Core, group_arrays, shot_grams
+from zsmoseg.grouping.decision import Thresholds, coherent
 from zsmoseg.grouping.evidence import PairGrams, ShotEvidence, pair_evidence
 from zsmoseg.grouping.groups import ShotGroups
 from zsmoseg.grouping.kernels import inlier, ordered, ordered_weighted
 from zsmoseg.grouping.state import hysteresis, median_filter
 from zsmoseg.motion.models import MODELS
+from zsmoseg.motion.statistics import Sums
 from zsmoseg.settings import Settings, resolve
 from zsmoseg.synthetic import CAMERAS, Scene, flow_scene
 
 SHIFT = {"motion.model": "screw-shift"}
+SUMS = resolve().statistics.group(Sums)
+CORE = resolve().group(Core)
 
 
 def answer(scene: Scene, **settings: Any) -> ShotGroups:
     """Groups of a scene; settings as ``section__name``."""
     chosen = resolve(overrides={**SHIFT, **{n.replace("__", "."): v for n, v in settings.items()}})
-    return group_arrays(scene.labels, scene.pictures, scene.flow, scene.inverse_depth, chosen)
+    return grouped(scene, chosen)
+
+
+def grouped(scene: Scene, chosen: Settings) -> ShotGroups:
+    model = chosen.motion.chosen(True)
+    return group_arrays(
+        scene.labels, scene.pictures, scene.flow, scene.inverse_depth, model, chosen.group(Core)
+    )
 
 
 # -------------------------------------------------------------------------- kernels
@@ -89,7 +99,7 @@ def test_inliers_are_judged_by_the_model_of_the_larger_object() -> None:
 def residuals_of(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     from zsmoseg.motion.residuals import pair_residuals
 
-    for g in shot_grams(scene.labels, scene.flow, scene.inverse_depth, resolve(overrides=SHIFT)):
+    for g in shot_grams(scene.labels, scene.flow, scene.inverse_depth, SUMS):
         residual, pixels, _ = pair_residuals(g.objects, MODELS["screw-shift"])
         yield g.ids, residual, pixels
 
@@ -97,7 +107,7 @@ def residuals_of(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndar
 @pytest.mark.parametrize("kernel", ["inlier", "ordered", "ordered-weighted"])
 @pytest.mark.parametrize("weight", ["area", "equal"])
 def test_affinity_does_not_depend_on_the_slots_of_chunks(kernel: str, weight: str) -> None:
-    s = resolve(overrides={"affinity.kernel": kernel, "affinity.weight": weight}).affinity
+    s = resolve(overrides={"affinity.kernel": kernel, "affinity.weight": weight}).affinity.group(Kernel)
     pairs = list(residuals_of(flow_scene(4, n_objects=6, shape=(90, 160), noise=0.2, min_contrast=0.1)))
     whole = accumulate(iter(pairs), 7, s)
     cut = []
@@ -122,7 +132,7 @@ def test_evidence_does_not_depend_on_the_slots_of_chunks() -> None:
     scene = flow_scene(4, n_objects=5, shape=(90, 160), min_contrast=0.1)
     model = MODELS["screw-shift"]
     static = np.arange(20) == 0
-    for g in shot_grams(scene.labels, scene.flow, scene.inverse_depth, resolve()):
+    for g in shot_grams(scene.labels, scene.flow, scene.inverse_depth, SUMS):
         empty = np.zeros((14, 11, 11))
         wide = PairGrams(g.pair, np.arange(20), np.concatenate([g.objects, empty]), g.cells)
         a, b = (pair_evidence(x, model, static, 100.0) for x in (g, wide))
@@ -165,7 +175,7 @@ def test_spectral_survives_objects_without_any_affinity() -> None:
 
 # -------------------------------------------------------------------------- decision
 def test_threshold_is_bounded_by_its_terms() -> None:
-    s = resolve().groups
+    s = resolve().groups.group(Thresholds)
 
     def threshold_of(nu: float, largest: float, tau: float, s: Any) -> float:
         return float(decision.threshold_of(nu, largest, tau, np.array([s.top_fraction]), s)[0])
@@ -174,14 +184,14 @@ def test_threshold_is_bounded_by_its_terms() -> None:
     assert threshold_of(0.2, 0.3, 10.0, s) == pytest.approx(s.certain * 0.2), "certainly moving"
     assert threshold_of(0.2, 3.0, 10.0, s) == pytest.approx(3.0), "never below what the background costs"
     assert threshold_of(1.0, 1.0, 1.5, s) == pytest.approx(np.sqrt(1.5)), "half way"
-    assert threshold_of(2.0, 2.0, 2.0, s) == pytest.approx(s.keep * 2.0), "the strongest stays"
+    assert threshold_of(2.0, 2.0, 2.0, s) == pytest.approx(s.below_strongest * 2.0), "the strongest stays"
     assert threshold_of(1.0, 3.0, 2.0, s) < 2.0, "clear proposals are not all dropped"
-    two = resolve(overrides={"groups.count": 2}).groups
+    two = resolve(overrides={"groups.count": 2}).groups.group(Thresholds)
     assert threshold_of(0.1, 0.3, 0.2, two) < 0.2, "who asks for two groups says that something moves"
 
 
 def test_what_is_small_beside_the_strongest_needs_more_unless_it_is_certain() -> None:
-    s = resolve().groups
+    s = resolve().groups.group(Thresholds)
     part = np.array([s.top_fraction, s.small_fraction])
     large, small = decision.threshold_of(1.0, 2.0, 10.0, part, s)
     assert (large, small) == pytest.approx((s.top_fraction * 10, s.small_fraction * 10))
@@ -194,13 +204,13 @@ def evidence_of(score: list[float], own: list[float]) -> ShotEvidence:
 
 
 def test_what_its_own_motion_explains_no_better_is_no_evidence_beside_what_is_coherent() -> None:
-    s, big = resolve().groups, np.array([False, True, True, False])
+    s, big = resolve().groups.group(Thresholds), np.array([False, True, True, False])
     assert coherent(evidence_of([0, 6, 2, 3], [1, 1, 2, 2.5]), big, s).tolist() == [False, True, False, False]
     assert coherent(evidence_of([0, 6, 2, 3.8], [1, 1, 1.2, 2.5]), big, s)[1:].all()
 
 
 def test_the_strongest_keeps_its_evidence_however_little_it_is_coherent() -> None:
-    s, big = resolve().groups, np.array([False, True, True])
+    s, big = resolve().groups.group(Thresholds), np.array([False, True, True])
     assert coherent(evidence_of([0, 1.0, 0.4], [1, 1.2, 1.2]), big, s).tolist() == [False, True, False]
 
 
@@ -290,7 +300,7 @@ def test_the_paper_to_the_letter_gives_two_groups_and_is_right_less_often() -> N
     letter = calibrated = 0
     for seed in range(8):
         scene = flow_scene(seed, n_movers=1, camera="general", n_pairs=4)
-        found = group_arrays(scene.labels, scene.pictures, scene.flow, scene.inverse_depth, paper)
+        found = grouped(scene, paper)
         assert len(np.unique(found.group)) == 2
         letter += scene.right(found.group)[0]
         calibrated += scene.right(answer(scene).group)[0]
@@ -308,7 +318,7 @@ def test_exactly_as_many_groups_as_asked_for(rule: str, count: int, movers: int)
     assert found.group[0] == 0
     assert sorted(np.unique(found.group)) == list(range(count))
     assert not found.warnings
-    assert (found.group > 0).any() == (found.thing > 0).any()
+    assert (found.group > 0).any() == (found.instance > 0).any()
 
 
 @pytest.mark.parametrize("rule", ["calibrated", "spectral"])
@@ -334,7 +344,7 @@ def shot(
     flow = rng.normal(0, 0.05, (len(labels) - 1, 2, *labels.shape[1:])).astype(np.float32)
     flow[:, 0][labels[:-1] > 0] += motion
     frames = np.zeros((*labels.shape, 3), np.uint8)
-    return group_arrays(labels, frames, flow, None, settings or resolve(), **more)
+    return group_arrays(labels, frames, flow, None, "affine", (settings or resolve()).group(Core), **more)
 
 
 def blank(frames: int = 5) -> np.ndarray:
@@ -395,9 +405,9 @@ def test_pairs_that_are_no_pairs_count_for_nothing() -> None:
     rng = np.random.default_rng(0)
     flow = rng.normal(0, 0.05, (8, 2, 60, 90)).astype(np.float32)
     frames = np.zeros((*labels.shape, 3), np.uint8)
-    calm = group_arrays(labels, frames, flow, None, resolve(), valid=valid)
+    calm = group_arrays(labels, frames, flow, None, "affine", CORE, valid=valid)
     flow[4] = 50.0 * rng.normal(size=(2, 60, 90))
-    wild = group_arrays(labels, frames, flow, None, resolve(), valid=valid)
+    wild = group_arrays(labels, frames, flow, None, "affine", CORE, valid=valid)
     np.testing.assert_array_equal(calm.decision.score, wild.decision.score)
     np.testing.assert_array_equal(calm.margin, wild.margin)
 

@@ -12,7 +12,7 @@ from conftest import draw_clip, write_folder
 from runs import masks, segment
 
 from zsmoseg.errors import FormatError, SettingsError
-from zsmoseg.masks import encode_png
+from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.result import Result, open_store

@@ -8,15 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zsmoseg.motion.fit import fit
-from zsmoseg.motion.loops import gram_matrices
-from zsmoseg.motion.models import BASIS, MODELS, coordinates, design, normalise
+from zsmoseg.motion.grams import gram_matrices
+from zsmoseg.motion.measuring import measure_pair
+from zsmoseg.motion.models import BASIS, MODELS, Model, coordinates, normalise
 from zsmoseg.motion.residuals import merge_costs, pair_residuals
-from zsmoseg.motion.statistics import cell_grid, pair_statistics, slots, unclosed, without_borders
+from zsmoseg.motion.statistics import Sums, cell_grid, slots, without_borders
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import Motion, rigid_flow
 
 SHAPE = 60, 90
-PLAIN = resolve(overrides={"statistics.border": 0}).statistics
+PLAIN = resolve(overrides={"statistics.border": 0}).statistics.group(Sums)
 
 
 def scene(seed: int = 0, objects: int = 4) -> tuple[np.ndarray, np.ndarray]:
@@ -48,6 +49,29 @@ def rigid(label: np.ndarray, inverse: np.ndarray, seed: int = 0, turns: float = 
 
 def ids_of(label: np.ndarray) -> np.ndarray:
     return np.arange(int(label.max()) + 1, dtype=np.int64)
+
+
+def pair_statistics(
+    label: np.ndarray,
+    ids: np.ndarray,
+    flow: np.ndarray,
+    back: np.ndarray | None,
+    inverse: np.ndarray | None,
+    ignore: np.ndarray | None,
+    sums: Sums,
+) -> np.ndarray:
+    """Grams of the objects, then of the cells."""
+    found = measure_pair(label, ids, flow, back, inverse, None, ignore, sums)
+    assert np.isnan(found.unexplained).all()
+    return np.concatenate([found.gram, found.cells])
+
+
+def design(inverse_depth: np.ndarray, model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """The rows of u and of v (h * w, parameters) of every pixel, for a look pixel by pixel."""
+    x, y = np.meshgrid(*coordinates(*inverse_depth.shape))
+    q = normalise(inverse_depth)
+    phi = np.stack([np.ones_like(x), x, y, q, x * q, y * q, x * x, x * y, y * y], -1).reshape(-1, BASIS)
+    return phi @ model.rows_u, phi @ model.rows_v
 
 
 def residual_of(label: np.ndarray, flow: np.ndarray, inverse: np.ndarray, model: str) -> np.ndarray:
@@ -193,23 +217,6 @@ def test_borders_are_left_out_but_thin_objects_keep_their_pixels() -> None:
     assert not border[6:24, 6:24].any()
     assert not border[30:32].any()
     assert not without_borders(slot, 0).any()
-
-
-def test_flow_that_does_not_lead_back_or_leads_out_is_no_flow() -> None:
-    flow = np.zeros((2, 30, 40), np.float32)
-    flow[0] = 3.0
-    back = -flow
-    back[:, 10:15] = 0.0
-    lost = unclosed(flow, back, 0.5, 0.05)
-    assert lost[10:15].all()
-    assert lost[:, 37:].all(), "what leaves the frame has no way back"
-    rest = np.delete(lost, np.s_[10:15], axis=0)
-    assert not rest[:, :36].any()
-    flow[:, 20, 20] = np.nan
-    assert unclosed(flow, back, 0.5, 0.05)[20, 20]
-    back[0] += 0.6
-    assert not unclosed(flow, back, 0.5, 0.05)[2, 2], "half a pixel and a part of the length"
-    assert unclosed(flow, back, 0.5, 0.0)[2, 2]
 
 
 def test_statistics_leave_out_flow_that_does_not_close_unless_it_closes_on_no_object() -> None:

@@ -8,7 +8,9 @@ import scipy.sparse as sp
 from conftest import draw_clip
 from scipy.sparse.csgraph import bellman_ford
 
-from zsmoseg import flow, saliency, spacetime, superpixels, tables
+from zsmoseg import saliency, spacetime, superpixels, tables
+from zsmoseg.flow.dis import Dis, between
+from zsmoseg.flow.pairs import PairCriteria, pair_state
 from zsmoseg.settings import Flow, Objects, Segments, Tables
 
 S = Objects()
@@ -20,12 +22,12 @@ class Clip:
     def __init__(self, frames: np.ndarray) -> None:
         self.frames = frames
         self.segments = np.stack([superpixels.segment(frame, Segments()) for frame in frames])
-        pairs = [flow.between(a, b, Flow()) for a, b in itertools.pairwise(frames)]
+        pairs = [between(a, b, Flow().group(Dis)) for a, b in itertools.pairwise(frames)]
         shape = (0, 2, *frames.shape[1:3])
         self.forward = np.stack([a for a, _ in pairs]) if pairs else np.zeros(shape, np.float32)
         self.backward = np.stack([b for _, b in pairs]) if pairs else np.zeros(shape, np.float32)
         self.states = [
-            flow.pair_state(a, b, f, g, Flow())
+            pair_state(a, b, f, g, Flow().group(PairCriteria))
             for (a, b), (f, g) in zip(itertools.pairwise(frames), pairs, strict=True)
         ]
         self.tables = self.measure(0, len(frames))

@@ -11,7 +11,7 @@ import pytest
 from conftest import draw_clip, write_folder
 from runs import segment
 
-from zsmoseg.masks import encode_png
+from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
 from zsmoseg.workflows.running.run import Request, dry_run
 from zsmoseg.workflows.stages.motion.affinity import Affinity

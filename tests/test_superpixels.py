@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from zsmoseg import flow, superpixels, tables
+from zsmoseg import superpixels, tables
 from zsmoseg.errors import SettingsError
+from zsmoseg.flow.dis import Dis, between
 from zsmoseg.settings import Flow, Segments, Tables
 
 S = Tables(link_least=1)
@@ -19,7 +20,7 @@ FRAMES = draw_clip(frames=5, height=60, width=80)[0]
 SEGMENTS = np.stack([superpixels.segment(frame, Segments()) for frame in FRAMES])
 FORWARD, BACKWARD = map(
     np.stack,
-    zip(*[flow.between(a, b, Flow()) for a, b in pairwise(FRAMES)], strict=True),
+    zip(*[between(a, b, Flow().group(Dis)) for a, b in pairwise(FRAMES)], strict=True),
 )
 
 

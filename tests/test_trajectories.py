@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from zsmoseg.trajectories import Flow, Tracks, follow, look_up
+from zsmoseg.flow.consistency import Flow
+from zsmoseg.flow.trajectories import Tracks, follow, look_up
 
 HEIGHT, WIDTH, SPACING = 24, 40, 8
 
@@ -49,7 +50,7 @@ def test_tracks_end_at_the_border_and_start_where_none_is_left() -> None:
         assert len(cells) == (HEIGHT // SPACING) * (WIDTH // SPACING)
 
 
-def test_a_track_ends_where_there_and_back_disagree() -> None:
+def test_a_track_ends_where_forward_and_backward_disagree() -> None:
     forward, backward = shifted(2.0, 0.0, 1)[0]
     backward[:, :, 20:] = 3.0
     tracks = follow([(forward, backward)], HEIGHT, WIDTH, SPACING)

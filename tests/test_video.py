@@ -9,6 +9,7 @@ import random
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -18,10 +19,16 @@ from PIL import Image, ImageOps
 
 from zsmoseg.errors import SettingsError, VideoError
 from zsmoseg.settings import Video
-from zsmoseg.sources import fingerprint, natural, sources, stat_signature, unique_names
-from zsmoseg.video import Probe, probe, read, read_ignore
+from zsmoseg.video.ignore import read_ignore
+from zsmoseg.video.probe import Excerpt, Probe, probe
+from zsmoseg.video.reading import read
+from zsmoseg.video.sources import fingerprint, natural, sources, stat_signature, unique_names
 
 COUNT = 40
+
+
+def excerpt(**chosen: Any) -> Excerpt:
+    return Video(**chosen).group(Excerpt)
 
 
 def coded(number: int, width: int = 160, height: int = 90) -> np.ndarray:
@@ -94,7 +101,7 @@ def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("name", CLIPS)
 def test_random_access_gives_the_frames_of_reading_in_order(name: str, clips: Path) -> None:
-    looked = probe(str(clips / name), Video())
+    looked = probe(str(clips / name), excerpt())
     assert len(looked.times) == COUNT
     in_order = list(read(looked, 0, COUNT))
     assert [decoded(image) for image in in_order] == list(range(COUNT))
@@ -108,7 +115,7 @@ def test_random_access_gives_the_frames_of_reading_in_order(name: str, clips: Pa
 
 
 def test_times_are_presentation_times(clips: Path) -> None:
-    looked = probe(str(clips / "variable-rate.mp4"), Video())
+    looked = probe(str(clips / "variable-rate.mp4"), excerpt())
     np.testing.assert_allclose(looked.times, (np.array(VARIABLE) - VARIABLE[0]) / 1000, atol=2e-3)
 
 
@@ -122,9 +129,9 @@ def test_rotation_is_respected(clips: Path, tmp_path: Path) -> None:
     at = data.index(one + zero * 3 + one + zero * 3 + w, data.index(b"tkhd"))
     data[at : at + 36] = zero + one + zero + minus + zero * 4 + w
     turned.write_bytes(bytes(data))
-    looked = probe(str(turned), Video())
+    looked = probe(str(turned), excerpt())
     assert (looked.width, looked.height) == (90, 160)
-    straight = probe(str(plain), Video())
+    straight = probe(str(plain), excerpt())
     for n in (0, 17):
         upright = np.rot90(next(read(straight, n, n + 1)), -1)
         np.testing.assert_array_equal(next(read(looked, n, n + 1)), upright)
@@ -142,7 +149,7 @@ def test_display_matrices_turn_and_mirror(turns: int, mirrored: bool, tmp_path: 
                 container.mux(packet)
         for packet in stream.encode(None):
             container.mux(packet)
-    looked = probe(str(tmp_path / "a.mp4"), Video())
+    looked = probe(str(tmp_path / "a.mp4"), excerpt())
     with av.open(str(tmp_path / "a.mp4")) as container:
         upright = next(container.decode(video=0)).to_ndarray(format="bgr24")
     upright = upright[:, ::-1] if mirrored and turns % 2 == 0 else upright[::-1] if mirrored else upright
@@ -154,26 +161,26 @@ def test_display_matrices_turn_and_mirror(turns: int, mirrored: bool, tmp_path: 
 def test_a_file_that_took_the_place_of_another_is_read(tmp_path: Path) -> None:
     path = tmp_path / "a.avi"
     encode(path, "mjpeg", pix_fmt="yuvj420p")
-    assert decoded(next(read(probe(str(path), Video()), 3, 4))) == 3
+    assert decoded(next(read(probe(str(path), excerpt()), 3, 4))) == 3
     with av.open(str(path), "w") as container:
         stream = container.add_stream("mjpeg", rate=25)
         stream.width, stream.height, stream.pix_fmt = 160, 90, "yuvj420p"
         for _ in range(COUNT):
             for packet in stream.encode(av.VideoFrame.from_ndarray(coded(63), "bgr24")):
                 container.mux(packet)
-    assert decoded(next(read(probe(str(path), Video()), 4, 5))) == 63
+    assert decoded(next(read(probe(str(path), excerpt()), 4, 5))) == 63
 
 
 @pytest.mark.parametrize("name", ["mjpeg.avi", "mpeg4.avi", "b-frames.mp4", "vp9.webm"])
 def test_a_look_at_a_video_does_not_decode_it_all(
     name: str, clips: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from zsmoseg import decoding
+    from zsmoseg.video import decoding
 
     count = []
     picture = decoding._picture
     monkeypatch.setattr(decoding, "_picture", lambda frame: (count.append(1), picture(frame))[1])
-    probe(str(clips / name), Video())
+    probe(str(clips / name), excerpt())
     assert len(count) <= 13
 
 
@@ -181,7 +188,7 @@ def test_a_last_frame_that_is_shown_long_is_no_damage(tmp_path: Path) -> None:
     times = [40 * n for n in range(COUNT - 1)] + [40 * COUNT + 4000]
     for name, codec in (("a.mp4", "libx264"), ("a.mkv", "libx264")):
         encode(tmp_path / name, codec, times=times)
-        assert len(probe(str(tmp_path / name), Video()).times) == COUNT
+        assert len(probe(str(tmp_path / name), excerpt()).times) == COUNT
 
 
 def test_a_trimmed_video_shows_what_its_edit_list_leaves(clips: Path, tmp_path: Path) -> None:
@@ -193,7 +200,7 @@ def test_a_trimmed_video_shows_what_its_edit_list_leaves(clips: Path, tmp_path: 
     data[at + 8 : at + 12] = (duration // 2).to_bytes(4, "big")
     data[at + 12 : at + 16] = (start + 5 * 640).to_bytes(4, "big")
     (tmp_path / "trimmed.mp4").write_bytes(bytes(data))
-    looked = probe(str(tmp_path / "trimmed.mp4"), Video())
+    looked = probe(str(tmp_path / "trimmed.mp4"), excerpt())
     shown = [decoded(i) for i in read(looked, 0, len(looked.times))]
     assert shown == list(range(5, 5 + len(shown)))
     assert 18 <= len(shown) <= 25
@@ -211,10 +218,10 @@ def test_damage_in_the_middle_never_gives_a_wrong_frame(name: str, clips: Path, 
         data[i] ^= 0x5A
     path = tmp_path / name
     path.write_bytes(bytes(data))
-    images = list(read(probe(str(clips / name), Video()), 0, COUNT))
+    images = list(read(probe(str(clips / name), excerpt()), 0, COUNT))
     good, said = read_up_to_damage(str(path))
     assert f"{name}: is damaged or cut off" in said or "cannot be decoded; --end" in said
-    looked = probe(str(path), Video(allow_truncated=True))
+    looked = probe(str(path), excerpt(allow_truncated=True))
     allowed = list(read(looked, 0, len(looked.times)))
     assert 15 <= len(allowed) < 25
     assert len(good) in (0, len(allowed))
@@ -226,7 +233,7 @@ def read_up_to_damage(path: str) -> tuple[list[np.ndarray], str]:
     """Frames in order up to the error, and what it says."""
     good = []
     try:
-        for image in read(probe(path, Video()), 0, COUNT):
+        for image in read(probe(path, excerpt()), 0, COUNT):
             good.append(image)
     except VideoError as error:
         return good, str(error)
@@ -244,14 +251,14 @@ def read_up_to_damage(path: str) -> tuple[list[np.ndarray], str]:
     ],
 )
 def test_start_end_and_every_choose_frames(limits: dict[str, object], expected: range, clips: Path) -> None:
-    looked = probe(str(clips / "open-gop.mp4"), Video(**limits))
+    looked = probe(str(clips / "open-gop.mp4"), excerpt(**limits))
     assert [decoded(i) for i in read(looked, 0, len(looked.times))] == list(expected)
     assert looked.indices == tuple(expected)
     assert looked.names == tuple(f"{n:05d}" for n in expected)
 
 
 def test_a_probe_goes_through_json(clips: Path) -> None:
-    looked = probe(str(clips / "vp9.webm"), Video())
+    looked = probe(str(clips / "vp9.webm"), excerpt())
     assert Probe.from_json(json.loads(json.dumps(looked.to_json()))) == looked
     assert pickle.loads(pickle.dumps(looked)) == looked
 
@@ -263,7 +270,7 @@ def test_a_probe_is_read_from_any_folder(
         write(tmp_path / "frames" / f"{n}.png", coded(n))
     (tmp_path / "clip.mp4").write_bytes((clips / "b-frames.mp4").read_bytes())
     monkeypatch.chdir(tmp_path)
-    found = {name: probe(name, Video()) for name in ("frames", "frames/*.png", "clip.mp4")}
+    found = {name: probe(name, excerpt()) for name in ("frames", "frames/*.png", "clip.mp4")}
     monkeypatch.chdir(tmp_path.parent)
     assert {name: decoded(next(read(p, 1, 2))) for name, p in found.items()} == {
         "frames": 4,
@@ -283,7 +290,7 @@ def write(path: Path, image: np.ndarray) -> Path:
 def test_frames_of_a_folder_come_in_natural_order(tmp_path: Path) -> None:
     for n in (1, 2, 9, 10, 11):
         write(tmp_path / f"frame{n}.png", coded(n))
-    looked = probe(str(tmp_path), Video())
+    looked = probe(str(tmp_path), excerpt())
     assert [decoded(i) for i in read(looked, 0, 5)] == [1, 2, 9, 10, 11]
     assert looked.names == ("frame1", "frame2", "frame9", "frame10", "frame11")
 
@@ -294,7 +301,7 @@ def test_grey_16_bit_and_alpha_become_8_bit_colour(tmp_path: Path) -> None:
     write(tmp_path / "a.png", cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
     write(tmp_path / "b.png", image.astype(np.uint16) * 257)
     write(tmp_path / "c.png", np.dstack([image, np.full(image.shape[:2], 9, np.uint8)]))
-    a, b, c = read(probe(str(tmp_path), Video()), 0, 3)
+    a, b, c = read(probe(str(tmp_path), excerpt()), 0, 3)
     assert decoded(a) == 21
     assert a.shape == image.shape
     np.testing.assert_array_equal(b, image)
@@ -305,7 +312,7 @@ def test_16_bit_is_divided_by_257_and_rounded(tmp_path: Path) -> None:
     values = np.arange(65536, dtype=np.uint16).reshape(256, 256)
     for n in range(2):
         write(tmp_path / f"{n}.png", values)
-    first = next(read(probe(str(tmp_path), Video()), 0, 1))
+    first = next(read(probe(str(tmp_path), excerpt()), 0, 1))
     np.testing.assert_array_equal(first[..., 0], np.rint(values / 257).astype(np.uint8))
 
 
@@ -314,7 +321,7 @@ def test_palette_two_levels_and_grey_with_alpha_are_read(tmp_path: Path) -> None
     image.quantize(16).save(tmp_path / "0.png")
     Image.fromarray(coded(21)[..., 0] > 128).save(tmp_path / "1.png")
     image.convert("LA").save(tmp_path / "2.png")
-    assert [decoded(i) for i in read(probe(str(tmp_path), Video()), 0, 3)] == [21] * 3
+    assert [decoded(i) for i in read(probe(str(tmp_path), excerpt()), 0, 3)] == [21] * 3
 
 
 @pytest.mark.parametrize("kind", ["jpg", "png", "tif", "webp"])
@@ -324,7 +331,7 @@ def test_exif_orientation_is_applied(kind: str, orientation: int, tmp_path: Path
         exif = Image.Exif()
         exif[0x0112] = orientation
         Image.fromarray(coded(n)[..., ::-1].copy()).save(tmp_path / f"{n}.{kind}", exif=exif, quality=95)
-    looked = probe(str(tmp_path), Video())
+    looked = probe(str(tmp_path), excerpt())
     assert (looked.width, looked.height) == ((160, 90) if orientation < 5 else (90, 160))
     with Image.open(tmp_path / f"1.{kind}") as image:
         upright = np.asarray(ImageOps.exif_transpose(image).convert("RGB"))[..., ::-1]
@@ -433,7 +440,7 @@ def test_two_sources_that_cannot_be_told_apart_are_refused(tmp_path: Path) -> No
 def test_a_file_that_is_no_video_is_named(tmp_path: Path) -> None:
     (tmp_path / "notes.mp4").write_text("this is not a video " * 100)
     with pytest.raises(VideoError, match=r"notes\.mp4: is not a video"):
-        probe(str(tmp_path / "notes.mp4"), Video())
+        probe(str(tmp_path / "notes.mp4"), excerpt())
 
 
 @pytest.mark.parametrize("name", ["b-frames.mp4", "mpeg4.avi", "vp9.webm", "open-gop.mkv"])
@@ -453,8 +460,8 @@ def test_a_truncated_video_names_the_first_bad_frame_and_can_be_used_up_to_it(
     with pytest.raises(
         VideoError, match=rf"{name}: is damaged or cut off: .* frame \d+ cannot; --allow-truncated"
     ):
-        probe(str(path), Video())
-    looked = probe(str(path), Video(allow_truncated=True))
+        probe(str(path), excerpt())
+    looked = probe(str(path), excerpt(allow_truncated=True))
     images = list(read(looked, 0, len(looked.times)))
     assert 2 < len(images) < COUNT
     assert [decoded(i) for i in images] == list(range(len(images)))
@@ -463,14 +470,14 @@ def test_a_truncated_video_names_the_first_bad_frame_and_can_be_used_up_to_it(
 def test_one_frame_is_too_few(tmp_path: Path) -> None:
     write(tmp_path / "0.png", coded(0))
     with pytest.raises(VideoError, match="motion needs two at least"):
-        probe(str(tmp_path), Video())
+        probe(str(tmp_path), excerpt())
 
 
 def test_frames_of_different_sizes_are_refused(tmp_path: Path) -> None:
     write(tmp_path / "0.png", coded(0))
     write(tmp_path / "1.png", coded(1, 80, 48))
     with pytest.raises(VideoError, match=r"1\.png: is 80 x 48, 0\.png is 160 x 90"):
-        probe(str(tmp_path), Video())
+        probe(str(tmp_path), excerpt())
 
 
 def test_an_unreadable_image_is_named(tmp_path: Path) -> None:
@@ -478,7 +485,7 @@ def test_an_unreadable_image_is_named(tmp_path: Path) -> None:
         write(tmp_path / f"{n}.jpg", coded(n))
     (tmp_path / "1.jpg").write_bytes(b"nothing")
     with pytest.raises(VideoError, match=r"1\.jpg: cannot be read as an image"):
-        probe(str(tmp_path), Video())
+        probe(str(tmp_path), excerpt())
 
 
 @pytest.mark.parametrize("kind", ["jpg", "png", "bmp", "webp"])
@@ -488,20 +495,20 @@ def test_an_image_that_is_cut_off_is_named_at_the_latest_when_it_is_read(kind: s
     whole = (tmp_path / f"1.{kind}").read_bytes()
     (tmp_path / f"1.{kind}").write_bytes(whole[: len(whole) * 2 // 3])
     with pytest.raises(VideoError, match=rf"1\.{kind}: cannot be read as an image"):
-        list(read(probe(str(tmp_path), Video()), 0, 3))
+        list(read(probe(str(tmp_path), excerpt()), 0, 3))
 
 
 def test_pixels_that_are_no_8_or_16_bit_are_refused(tmp_path: Path) -> None:
     for n in range(2):
         write(tmp_path / f"{n}.tif", coded(n).astype(np.float32) / 255)
     with pytest.raises(VideoError, match=r"0\.tif: .*; replace it or take it out"):
-        next(read(probe(str(tmp_path), Video()), 0, 1))
+        next(read(probe(str(tmp_path), excerpt()), 0, 1))
 
 
 def test_an_image_that_vanished_or_changed_its_size_is_named(tmp_path: Path) -> None:
     for n in range(2):
         write(tmp_path / f"{n}.png", coded(n))
-    looked = probe(str(tmp_path), Video())
+    looked = probe(str(tmp_path), excerpt())
     write(tmp_path / "0.png", coded(0, 80, 48))
     (tmp_path / "1.png").unlink()
     with pytest.raises(VideoError, match=r"0\.png: is 80 x 48, expected 160 x 90"):
@@ -512,12 +519,12 @@ def test_an_image_that_vanished_or_changed_its_size_is_named(tmp_path: Path) -> 
 
 def test_an_empty_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(VideoError, match=r"holds no frames; give a folder of images"):
-        probe(str(tmp_path), Video())
+        probe(str(tmp_path), excerpt())
 
 
 def test_a_source_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(VideoError, match=r"none\.mp4: no such file or folder"):
-        probe(str(tmp_path / "none.mp4"), Video())
+        probe(str(tmp_path / "none.mp4"), excerpt())
 
 
 @pytest.mark.parametrize(
@@ -534,21 +541,21 @@ def test_limits_that_leave_no_two_frames_name_the_length(
     limits: dict[str, object], words: str, clips: Path
 ) -> None:
     with pytest.raises(VideoError, match=words):
-        probe(str(clips / "b-frames.mp4"), Video(**limits))
+        probe(str(clips / "b-frames.mp4"), excerpt(**limits))
 
 
 def test_an_end_behind_the_last_frame_is_the_last_frame(clips: Path) -> None:
-    assert len(probe(str(clips / "b-frames.mp4"), Video(end="1000f")).times) == COUNT
+    assert len(probe(str(clips / "b-frames.mp4"), excerpt(end="1000f")).times) == COUNT
 
 
 def test_reading_in_order_decodes_each_frame_once(clips: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from zsmoseg import decoding
+    from zsmoseg.video import decoding
 
     starts = []
     start = decoding.Decoder._start
     monkeypatch.setattr(decoding.Decoder, "_start", lambda self, *at: (starts.append(at), start(self, *at)))
     decoding._kept.cache_clear()
-    looked = probe(str(clips / "b-frames.mp4"), Video())
+    looked = probe(str(clips / "b-frames.mp4"), excerpt())
     starts.clear()
     for first in range(0, COUNT, 8):
         assert [decoded(i) for i in read(looked, first, first + 8)] == list(range(first, first + 8))

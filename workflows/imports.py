@@ -16,17 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings as sections
-from zsmoseg.depth import relative
+from zsmoseg.depth.relative import relative
 from zsmoseg.errors import FormatError, SettingsError, StoreError
-from zsmoseg.flow import inverted, resized
+from zsmoseg.flow.warp import inverted, resized
 from zsmoseg.formats.depth import DepthSource, inverse_depth, open_depth
 from zsmoseg.formats.flow import FlowSource, open_flow
 from zsmoseg.formats.masks import FrameMasks, MaskSource, open_masks
 from zsmoseg.formats.names import find_for_video, match_frames
-from zsmoseg.sources import image_files, title
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.records import read_record, write_record
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
+from zsmoseg.video.sources import image_files, title
 
 KINDS = {"proposals": "embedded", "flow": "dis", "depth": "constant"}
 """What can be brought, and what ``auto`` means without an import."""

@@ -15,7 +15,7 @@ from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.dataset import open_dataset
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import list_runs
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.running.run import Request, run
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.given.objects import GivenObjects

@@ -20,7 +20,8 @@ from zsmoseg import settings
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import LABELS, Grid, videos_of
 from zsmoseg.stores.schema import ArraySpec
-from zsmoseg.video import Probe, read_ignore
+from zsmoseg.video.ignore import read_ignore
+from zsmoseg.video.probe import Probe
 
 ALL = -1
 """Reach of an input of which every part is needed."""

@@ -48,7 +48,3 @@ class SpaceError(ZsmosegError):
 
 class StageError(ZsmosegError):
     """A part of a stage failed; everything finished before it is kept."""
-
-
-class ZsmosegWarning(UserWarning):
-    """A defined result that deserves a word: no object, one object, more groups asked for than objects."""

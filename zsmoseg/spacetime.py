@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
 from zsmoseg import kernels
-from zsmoseg.tables import REPEAT, ChunkTables
+from zsmoseg.flow.pairs import REPEAT
+from zsmoseg.tables import ChunkTables
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

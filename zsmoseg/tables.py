@@ -14,11 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import kernels, settings
-from zsmoseg.flow import PairState
+from zsmoseg.flow.pairs import STATES, PairState
 from zsmoseg.superpixels import lab
-
-OK, CUT, REPEAT = range(3)
-STATES: tuple[PairState, ...] = ("ok", "cut", "repeat")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.masks import paint_table
+from zsmoseg.painting.numbers import paint_table
 from zsmoseg.workflows.result import BLOCK, Result
 
 

@@ -18,7 +18,7 @@ from zsmoseg.formats.keep import encode_keep
 from zsmoseg.formats.mots import encode_mots
 from zsmoseg.formats.names import SIDES
 from zsmoseg.formats.ytvis import encode_ytvis
-from zsmoseg.masks import encode_png
+from zsmoseg.painting.palette import encode_png
 from zsmoseg.stores import files
 from zsmoseg.stores.reader import read_video
 from zsmoseg.workflows.export.copying import write_netcdf, write_zarr

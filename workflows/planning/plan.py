@@ -15,7 +15,7 @@ from zsmoseg.stores.keys import FORMAT
 from zsmoseg.stores.keys import key as artifact_key
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.output import Output
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
 from zsmoseg.workflows import imports
 from zsmoseg.workflows.stage import ALL, Stage, working_size
 from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names

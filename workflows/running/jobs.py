@@ -80,7 +80,7 @@ def _run(job: Job) -> Outcome:
     from zsmoseg.stores.files import full_disk_in_words
     from zsmoseg.stores.location import Store
     from zsmoseg.stores.writer import PartWriter
-    from zsmoseg.video import Probe
+    from zsmoseg.video.probe import Probe
     from zsmoseg.workflows.stage import Part
     from zsmoseg.workflows.stages.graph import GRAPHS
 

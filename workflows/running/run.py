@@ -9,13 +9,13 @@ from typing import Any, Protocol
 
 from zsmoseg.errors import StageError, ZsmosegError
 from zsmoseg.settings import Settings
-from zsmoseg.sources import sources, unique_names
 from zsmoseg.stores.beginning import begin
 from zsmoseg.stores.checks import joined_problem
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import RunRecord
 from zsmoseg.stores.sealing import seal
-from zsmoseg.video import probe
+from zsmoseg.video.probe import Excerpt, probe
+from zsmoseg.video.sources import sources, unique_names
 from zsmoseg.workflows.planning.estimate import Estimate, estimate, estimate_line, refuse_full_disk
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan, plan_video
 from zsmoseg.workflows.running.executors import Executor, make_executor
@@ -111,7 +111,7 @@ def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[st
 def _make_plan(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
     settings = request.settings
     fingerprint = store.fingerprint(source, settings.video.fingerprint)
-    looked = probe(source, settings.video)
+    looked = probe(source, settings.video.group(Excerpt))
     video = store.video_id(name, fingerprint)
     return plan_video(
         store,

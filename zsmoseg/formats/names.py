@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePosixPath
 
 from zsmoseg.errors import FormatError
-from zsmoseg.sources import natural
+from zsmoseg.video.sources import natural
 
 WHOLE = (".npz", ".npy", ".json")
 """Endings of files that hold a whole video."""

@@ -3,13 +3,57 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg import settings
 from zsmoseg.grouping.evidence import Shot, ShotEvidence, shot_evidence
 from zsmoseg.motion.models import Floats, Model
+
+TINY = 1e-6
+"""px of own residual that a ratio is taken over at least."""
+
+Count = Literal["auto"] | int
+"""Number of groups, the static one included, or ``auto``."""
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Numbers of the calibrated rule; excess is a root mean square in px of the working grid."""
+
+    count: Count
+    """Number of groups."""
+    floor: float
+    """px, excess below it is never motion: precision of the flow."""
+    quantile: float
+    """Quantile of the cells' excess that is the yardstick."""
+    significant: float
+    """Part of the largest object from which on the strongest is sought."""
+    exist: float
+    """Largest cells that the strongest must exceed for anything to move."""
+    clear: float
+    """px, excess of proposals that are never all dropped ..."""
+    clear_cells: float
+    """... if they also reach this many largest cells."""
+    top_fraction: float
+    """Part of the strongest below which an object does not move ..."""
+    small: float
+    """Part of the strongest's pixels below which an object is small, as leaks are, and ..."""
+    small_fraction: float
+    """... does not move below this part of the strongest ..."""
+    certain: float
+    """... unless its excess is this many yardsticks and above the largest cell."""
+    coherent: float
+    """Excess over what an object's own motion leaves below which it is no evidence ..."""
+    coherent_part: float
+    """... but no more than this part of what the strongest has."""
+    below_strongest: float
+    """Part of the strongest below which the threshold stays."""
+    rounds: int
+    """Passes; from the second on static objects belong to the world."""
+    noise_area: float
+    """px^2 over which the error of the flow is correlated."""
 
 
 @dataclass(frozen=True)
@@ -17,6 +61,7 @@ class Decision:
     """Which of N objects move, and why."""
 
     moving: NDArray[np.bool_]
+    """(N,)."""
     score: Floats
     """(N,) px, mean rms excess over the static world."""
     yardstick: float
@@ -26,15 +71,11 @@ class Decision:
     threshold: Floats
     """(N,) px; infinite where nothing moves."""
     evidence: ShotEvidence
-
-    @property
-    def confidence(self) -> float:
-        """Strongest object over largest cell; below 1 nothing surely moves."""
-        return float(self.score.max(initial=0.0) / self.largest) if self.largest else 0.0
+    """Of the last pass."""
 
 
 def decide(
-    shot: Shot, area: Floats, model: Model, s: settings.Groups, visible: NDArray[np.bool_] | None = None
+    shot: Shot, area: Floats, model: Model, rule: Thresholds, visible: NDArray[np.bool_] | None = None
 ) -> Decision:
     """The calibrated rule.
 
@@ -45,9 +86,9 @@ def decide(
        objects with ``significant`` of the largest object's pixels or more.
     2. Nothing moves if tau is below ``exist`` largest cells, unless the proposals are clear: above ``clear`` px and
        ``clear_cells`` largest cells.
-    3. Moving is what exceeds min(max(sqrt(nu tau), part tau), max(certain nu, largest cell), keep tau). The part is
-       ``top_fraction``; for what has less than ``small`` of the strongest's pixels, as its leaks and shadows have, it
-       is ``small_fraction``.
+    3. Moving is what exceeds min(max(sqrt(nu tau), part tau), max(certain nu, largest cell), below_strongest tau). The
+       part is ``top_fraction``; for what has less than ``small`` of the strongest's pixels, as its leaks and shadows
+       have, it is ``small_fraction``.
     4. What is static joins the world; once more from 1, ``rounds`` times in all.
 
     Parameters
@@ -58,39 +99,43 @@ def decide(
     """
     count = len(area)
     static = np.arange(count) == 0
-    significant = area >= s.significant * area[1:].max(initial=0.0)
+    significant = area >= rule.significant * area[1:].max(initial=0.0)
     significant[0] = False
-    moving = np.zeros(count, np.bool_)
     nothing, never = np.zeros(count), np.full(count, np.inf)
-    decision = Decision(moving, nothing, 0.0, 0.0, never, ShotEvidence([], nothing, nothing, np.zeros(0)))
-    for _ in range(s.rounds):
-        found = shot_evidence(shot, count, model, static, s.noise_area)
-        counts = coherent(found, significant, s)
+    none = ShotEvidence([], nothing, nothing, np.zeros(0))
+    decision = Decision(np.zeros(count, np.bool_), nothing, 0.0, 0.0, never, none)
+    for _ in range(rule.rounds):
+        found = shot_evidence(shot, count, model, static, rule.noise_area)
+        counts = coherent(found, significant, rule)
         if visible is not None:
             counts &= visible
         found = replace(found, score=np.where(counts, found.score, 0.0))
-        largest = max(float(found.cells.max(initial=0.0)), s.floor)
-        nu = max(float(np.quantile(found.cells, s.quantile)) if found.cells.size else 0.0, s.floor)
-        tau = float(found.score[significant].max(initial=0.0))
-        strongest = int(np.where(significant, found.score, -1.0).argmax())
-        part = np.where(area < s.small * area[strongest], s.small_fraction, s.top_fraction)
-        threshold = threshold_of(nu, largest, tau, part, s)
-        moving = found.score > threshold
-        decision = Decision(moving, found.score, nu, largest, threshold, found)
-        if np.array_equal(~moving, static):
+        decision = _judged(found, area, significant, rule)
+        if np.array_equal(~decision.moving, static):
             break
-        static = ~moving
+        static = ~decision.moving
     return decision
 
 
-def coherent(found: ShotEvidence, significant: NDArray[np.bool_], s: settings.Groups) -> NDArray[np.bool_]:
-    """(N,) whether the evidence of an object is that of a motion: more than its own motion leaves of its flow."""
-    ratio = found.score / np.maximum(found.own, 1e-6)
+def _judged(found: ShotEvidence, area: Floats, significant: NDArray[np.bool_], rule: Thresholds) -> Decision:
+    """Steps 1 to 3 on the evidence of one pass."""
+    largest = max(float(found.cells.max(initial=0.0)), rule.floor)
+    nu = max(float(np.quantile(found.cells, rule.quantile)) if found.cells.size else 0.0, rule.floor)
+    tau = float(found.score[significant].max(initial=0.0))
     strongest = int(np.where(significant, found.score, -1.0).argmax())
-    return np.asarray(ratio >= min(s.coherent, s.coherent_part * float(ratio[strongest])))
+    part = np.where(area < rule.small * area[strongest], rule.small_fraction, rule.top_fraction)
+    threshold = threshold_of(nu, largest, tau, part, rule)
+    return Decision(found.score > threshold, found.score, nu, largest, threshold, found)
 
 
-def threshold_of(nu: float, largest: float, tau: float, part: Floats, s: settings.Groups) -> Floats:
+def coherent(found: ShotEvidence, significant: NDArray[np.bool_], rule: Thresholds) -> NDArray[np.bool_]:
+    """(N,) whether the evidence of an object is that of a motion: more than its own motion leaves of its flow."""
+    ratio = found.score / np.maximum(found.own, TINY)
+    strongest = int(np.where(significant, found.score, -1.0).argmax())
+    return np.asarray(ratio >= min(rule.coherent, rule.coherent_part * float(ratio[strongest])))
+
+
+def threshold_of(nu: float, largest: float, tau: float, part: Floats, rule: Thresholds) -> Floats:
     """The thresholds (N,) in px for yardstick, largest cell and strongest object; infinite where nothing moves.
 
     Who asks for two groups or more says that something moves.
@@ -99,8 +144,8 @@ def threshold_of(nu: float, largest: float, tau: float, part: Floats, s: setting
     ----------
     part : (N,) of the strongest's evidence that an object needs.
     """
-    clear = tau >= s.clear and tau >= s.clear_cells * largest
-    if s.count in ("auto", 1) and tau < s.exist * largest and not clear:
+    clear = tau >= rule.clear and tau >= rule.clear_cells * largest
+    if rule.count in ("auto", 1) and tau < rule.exist * largest and not clear:
         return np.full(part.shape, np.inf)
     weak = np.maximum(np.sqrt(nu * tau), part * tau)
-    return np.minimum(weak, min(max(s.certain * nu, largest), s.keep * tau))
+    return np.minimum(weak, min(max(rule.certain * nu, largest), rule.below_strongest * tau))

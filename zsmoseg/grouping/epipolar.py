@@ -18,14 +18,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.flow.trajectories import Tracks
 from zsmoseg.grouping.twoview import SAMPLE, Cue, centred, distances, fit_samples
 from zsmoseg.motion.models import Floats
-from zsmoseg.trajectories import Tracks
 
 LEAST_POINTS = 8
 """Tracks below which an object counts as unseen in a pair."""
-GAPS = (2, 4, 8)
-"""Frames between the two of a pair."""
 NOISE = 0.5
 """px, standard deviation of a track's place: half of what flow resolves."""
 LIMIT = 1.96 * NOISE
@@ -33,7 +31,7 @@ LIMIT = 1.96 * NOISE
 TRIM = 0.8
 """Part of an object's points, the best, that its residual is the mean of: borders follow the neighbour."""
 TRIALS, CONFIDENCE = 200, 0.99
-"""Samples that the robust estimators draw at most, and what ends the search earlier."""
+"""Samples that the robust estimators draw at most, and the probability of the best that ends the search earlier."""
 ESTIMATED: tuple[Literal["homography", "fundamental"], ...] = ("homography", "fundamental")
 POINTS = 200
 """Points of an object that its model is fitted to at most, evenly chosen: the background needs no more."""
@@ -71,7 +69,7 @@ class EpipolarPair:
 
 
 def epipolar_residuals(
-    tracks: Tracks, label: NDArray[np.int64], gaps: Sequence[int] = GAPS
+    tracks: Tracks, label: NDArray[np.int64], gaps: Sequence[int]
 ) -> Iterator[EpipolarPair]:
     """How well the two-view geometry of each object explains each other, for frame pairs at several gaps.
 
@@ -82,6 +80,7 @@ def epipolar_residuals(
     tracks : of one shot.
     label : (rows,) object of each row of ``tracks``, 0 = background. A track counts for a pair if it is on the same
         object in both frames.
+    gaps : frames between the two of a pair.
     """
     if not len(tracks.frame):
         return

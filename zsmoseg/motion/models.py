@@ -1,7 +1,8 @@
 r"""Linear motion models: the flow of a rigid body seen by a moving pinhole camera.
 
 With x, y from the principal point and inverse depth known up to scale, 1/z = s q, equation 1 of the paper
-(Longuet-Higgins and Prazdny 1980) is linear in eight parameters, five of them shared by both rows::
+(Longuet-Higgins and Prazdny, "The interpretation of a moving retinal image", 1980) is linear in eight parameters,
+five of them shared by both rows::
 
     u = a  + b  q - c x q - d y + e x^2 - g x y          screw
     v = a' + b' q - c y q + d x + e x y - g y^2
@@ -28,6 +29,9 @@ Floats = NDArray[np.float64]
 MONOMIALS = ("1", "x", "y", "q", "xq", "yq", "xx", "xy", "yy", "u", "v")
 """Order of a Gram matrix; the last two are the flow itself."""
 BASIS = 9
+"""Monomials of the place and of inverse depth."""
+U, V = 9, 10
+"""Place of the flow among them."""
 SIZE = 11
 
 
@@ -89,22 +93,19 @@ MODELS: Mapping[str, Model] = MappingProxyType(
 
 
 def coordinates(height: int, width: int) -> tuple[Floats, Floats]:
-    """X (w,) and y (h,) from the image centre, in units of half the long side: conditioning only."""
+    """Places x (w,) and y (h,) from the image centre, in units of half the long side: conditioning only."""
     scale = 2.0 / max(height, width)
     x, y = (np.arange(n, dtype=np.float64) - (n - 1) / 2 for n in (width, height))
     return x * scale, y * scale
 
 
-def design(inverse_depth: Floats, model: Model) -> tuple[Floats, Floats]:
-    """The rows of u and of v (h * w, parameters) of every pixel, for a look pixel by pixel."""
-    x, y = np.meshgrid(*coordinates(*inverse_depth.shape))
-    q = normalise(inverse_depth)
-    phi = np.stack([np.ones_like(x), x, y, q, x * q, y * q, x * x, x * y, y * y], -1).reshape(-1, BASIS)
-    return phi @ model.rows_u, phi @ model.rows_v
+def pixels_of(gram: Floats) -> Floats:
+    """(...) pixels behind each Gram matrix (..., 11, 11): the sum of 1 times 1."""
+    return np.asarray(gram[..., 0, 0])
 
 
 def normalise(inverse_depth: NDArray[np.floating]) -> Floats:
-    """Inverse depth over its mean magnitude: conditioning only, its zero stays where it is."""
+    """Inverse depth (h, w) over its mean magnitude: conditioning only, its zero stays where it is."""
     q = np.asarray(inverse_depth, np.float64)
     scale = float(np.mean(np.abs(q[np.isfinite(q)]))) if np.isfinite(q).any() else 0.0
     return q / scale if scale > 0 else np.zeros_like(q)

@@ -11,12 +11,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.flow.consistency import Flow
+from zsmoseg.flow.warp import read_at
 from zsmoseg.motion.fit import fit
-from zsmoseg.motion.models import MODELS, Floats, coordinates
+from zsmoseg.motion.models import MODELS, MONOMIALS, Floats, coordinates
 
 Image = NDArray[np.float32]
 BLUR = 1.0
-"""px, against noise and against flow that is right to a fraction of a pixel only."""
+"""px, standard deviation: against noise and against flow that is right to a fraction of a pixel only."""
 
 
 def grey(frame: NDArray[np.uint8]) -> Image:
@@ -37,18 +39,19 @@ def world_motion(gram: Floats, frame: Floats) -> Floats:
     """
     model = MODELS["quadratic"]
     theta = fit(gram[None], model, frame)[0]
-    return np.stack([model.rows_u @ theta, model.rows_v @ theta])[:, [0, 1, 2, 6, 7, 8]]
+    without_depth = [MONOMIALS.index(name) for name in ("1", "x", "y", "xx", "xy", "yy")]
+    return np.stack([model.rows_u @ theta, model.rows_v @ theta])[:, without_depth]
 
 
-def explained(
-    a: Image, b: Image, flow: NDArray[np.float32], world: Floats, slot: NDArray[np.int32], count: int
+def unexplained(
+    first: Image, second: Image, forward: Flow, world: Floats, slot: NDArray[np.int32], count: int
 ) -> Floats:
     """(count, 2) per object: what the world's motion leaves unexplained, and what the flow does, grey levels^2 x px.
 
     Parameters
     ----------
-    a, b : (h, w) smoothed grey values of both frames of the pair.
-    flow : (2, h, w) px; NaN = unknown, which counts for nothing.
+    first, second : (h, w) smoothed grey values of both frames of the pair, as ``grey`` gives them.
+    forward : (2, h, w) px; NaN = unknown, which counts for nothing.
     world : (2, 6) as ``world_motion`` gives it.
     slot : (h, w) object of every pixel; the background and what is below 0 are left out.
     """
@@ -62,17 +65,16 @@ def explained(
         sum(c * m for c, m in zip(f, (one, x, y, x * x, x * y, y * y), strict=True))
         for f in world.astype(np.float32)
     ]
-    inside = (slot[box] > 0) & np.isfinite(flow[0][box]) & np.isfinite(flow[1][box])
+    inside = (slot[box] > 0) & np.isfinite(forward[0][box]) & np.isfinite(forward[1][box])
     sums = [
-        np.bincount(slot[box][inside], _unexplained(a[box], b, moved, box)[inside], count)
-        for moved in (np.stack(by_world), np.nan_to_num(flow[:, *box]))
+        np.bincount(slot[box][inside], _error(first[box], second, moved, box)[inside], count)
+        for moved in (np.stack(by_world), np.nan_to_num(forward[:, *box]))
     ]
     return np.stack(sums, axis=1)
 
 
-def _unexplained(part: Image, b: Image, flow: Image, box: tuple[slice, slice]) -> Image:
-    """Squared difference of ``part`` and what ``flow`` (2, of the box) finds for it in ``b``."""
+def _error(part: Image, second: Image, flow: Flow, box: tuple[slice, slice]) -> Image:
+    """Squared difference of ``part`` and what ``flow`` (2, of the box) finds for it in ``second``."""
     x = np.arange(box[1].start, box[1].stop, dtype=np.float32)[None]
     y = np.arange(box[0].start, box[0].stop, dtype=np.float32)[:, None]
-    found = cv2.remap(b, x + flow[0], y + flow[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray((found - part) ** 2, np.float32)
+    return np.asarray((read_at(second, x + flow[0], y + flow[1]) - part) ** 2, np.float32)

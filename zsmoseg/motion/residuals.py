@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from zsmoseg.motion.fit import fit, own_cost
-from zsmoseg.motion.models import BASIS, SIZE, Floats, Model
+from zsmoseg.motion.models import BASIS, SIZE, Floats, Model, U, V, pixels_of
 
 LEAST = 12
-"""Pixels of the working grid below which an object counts as unseen in a pair."""
+"""Pixels of the working grid below which an object counts as unseen in a pair: two equations each, about two for
+each parameter of the largest model."""
 
 
 def residuals(gram: Floats, theta: Floats, model: Model) -> Floats:
@@ -18,12 +19,12 @@ def residuals(gram: Floats, theta: Floats, model: Model) -> Floats:
     pixels.
     """
     outer = np.zeros((len(theta), SIZE, SIZE))
-    for rows, flow in ((model.rows_u, BASIS), (model.rows_v, BASIS + 1)):
+    for rows, flow in ((model.rows_u, U), (model.rows_v, V)):
         w = np.zeros((len(theta), SIZE))
         w[:, :BASIS], w[:, flow] = theta @ rows.T, -1.0
         outer += w[:, :, None] * w[:, None, :]
     total = outer.reshape(len(theta), -1) @ gram.reshape(len(gram), -1).T
-    pixels = gram[:, 0, 0]
+    pixels = pixels_of(gram)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(pixels > 0, np.maximum(total, 0.0) / pixels, np.nan)
 
@@ -42,28 +43,33 @@ def pair_residuals(gram: Floats, model: Model) -> tuple[Floats, Floats, Floats]:
     coefficient (slots, terms) : NaN where unseen.
     """
     count = len(gram)
-    seen = np.flatnonzero(gram[:, 0, 0] >= LEAST)
+    seen = np.flatnonzero(pixels_of(gram) >= LEAST)
     residual = np.full((count, count), np.nan)
     coefficient = np.full((count, model.parameters), np.nan)
     if len(seen):
         theta = fit(gram[seen], model, gram.sum(0))
         residual[np.ix_(seen, seen)] = residuals(gram[seen], theta, model)
         coefficient[seen] = theta
-    return residual, gram[:, 0, 0].copy(), coefficient
+    return residual, pixels_of(gram).copy(), coefficient
 
 
 def merge_costs(gram: Floats, model: Model, frame: Floats) -> tuple[Floats, Floats]:
-    """What it costs to give two objects one motion.
+    """What it costs to give two objects one motion instead of two.
 
     ``d[i, n] = (SSE of one fit to both - SSE_i - SSE_n) / min(|i|, |n|)``, px^2: unlike ``e[i, n] - e[n, n]`` it
     never extrapolates the model of a small object to a far one.
+
+    Parameters
+    ----------
+    gram : (N, 11, 11).
+    frame : (11, 11) the Gram of the whole frame.
 
     Returns
     -------
     d (N, N) : symmetric, zero diagonal.
     own (N,) : own-fit mean squared residual, px^2.
     """
-    pixels = gram[:, 0, 0]
+    pixels = pixels_of(gram)
     own = own_cost(gram, model, frame)
     i, k = np.triu_indices(len(gram), 1)
     joint = own_cost(gram[i] + gram[k], model, frame)

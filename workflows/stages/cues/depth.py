@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.depth import ground
+from zsmoseg.depth.ground import ground
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
 from zsmoseg.workflows.imports import depth_of

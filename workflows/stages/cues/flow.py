@@ -9,10 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg import flow, settings
+from zsmoseg import settings
+from zsmoseg.flow.dis import Dis, between
+from zsmoseg.flow.pairs import CUT, STATES, PairCriteria, pair_state
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table, video
-from zsmoseg.tables import CUT, STATES
 from zsmoseg.workflows.imports import flow_of
 from zsmoseg.workflows.stage import Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
@@ -62,7 +63,8 @@ Backend = Callable[[Part, Inputs, Sections], Iterator[tuple[Vectors, Vectors]]]
 
 
 def _dis(part: Part, inputs: Inputs, s: Sections) -> Iterator[tuple[Vectors, Vectors]]:
-    return (flow.between(a, b, s.flow) for a, b in pairwise(inputs.frames.image))
+    parameters = s.flow.group(Dis)
+    return (between(a, b, parameters) for a, b in pairwise(inputs.frames.image))
 
 
 def _imported(part: Part, inputs: Inputs, s: Sections) -> Iterator[tuple[Vectors, Vectors]]:
@@ -81,9 +83,10 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Flow]:
     )
     state = np.zeros(len(forward), np.uint8)
     pairs = zip(pairwise(images), BACKENDS[s.flow.source](part, inputs, s), strict=True)
-    for k, ((a, b), (there, back)) in enumerate(pairs):
-        forward[k], backward[k] = there, back
-        state[k] = STATES.index(flow.pair_state(a, b, there, back, s.flow))
+    criteria = s.flow.group(PairCriteria)
+    for k, ((a, b), vectors) in enumerate(pairs):
+        forward[k], backward[k] = vectors
+        state[k] = STATES.index(pair_state(a, b, *vectors, criteria))
     yield Flow(
         start=part.start, stop=part.stop, forward=forward, backward=backward, state=state, valid=state == 0
     )

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
+from zsmoseg.flow.pairs import STATES
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.tables import STATES, ChunkTables, chunk_tables
+from zsmoseg.tables import ChunkTables, chunk_tables
 from zsmoseg.workflows.stage import Part, Stage, ignored, reach
 from zsmoseg.workflows.stages.cues.flow import Flow
 from zsmoseg.workflows.stages.cues.frames import Frames

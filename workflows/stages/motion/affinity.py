@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.grouping.affinity import accumulate, normalised
+from zsmoseg.grouping.affinity import Kernel, accumulate, normalised
 from zsmoseg.grouping.fusion import fused
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
@@ -70,9 +70,9 @@ def cues(s: Sections) -> Mapping[str, Sequence[str]]:
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Affinity]:
     """The affinity of every shot."""
-    a = s.affinity
+    a, kernel = s.affinity, s.affinity.group(Kernel)
     for shot in shots_of(inputs.objects):
-        views = [accumulate(pairs, len(shot.objects), a) for pairs in _pairs(inputs, shot, s)]
+        views = [accumulate(pairs, len(shot.objects), kernel) for pairs in _pairs(inputs, shot, s)]
         affinities = [normalised(*view) for view in views]
         columns = a.columns if a.fusion == "coregularised" else None
         yield Affinity(

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
+from zsmoseg.flow.trajectories import Tracks, look_up
 from zsmoseg.grouping.epipolar import epipolar_residuals
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.trajectories import Tracks, look_up
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, shots_of
 from zsmoseg.workflows.stages.motion.statistics import shrink

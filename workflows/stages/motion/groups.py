@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from zsmoseg import settings
 from zsmoseg.grouping.evidence import PairGrams
-from zsmoseg.grouping.groups import ShotGroups, group_shot
-from zsmoseg.linking import Pieces
+from zsmoseg.grouping.groups import Grouping, ShotGroups, group_shot
+from zsmoseg.grouping.pieces import Pieces
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
@@ -95,7 +95,7 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Groups]:
         where = "" if len(found) == 1 else f"frames {shot.start} to {shot.stop - 1}: "
         warnings += [f"{where}{text}" for text in answer.warnings]
         yield _left(inputs.labels, shot, answer, visibility, (groups, instances))
-        groups, instances = groups + int(answer.group.max()), instances + int(answer.thing.max())
+        groups, instances = groups + int(answer.group.max()), instances + int(answer.instance.max())
 
 
 def _group(part: Part, inputs: Inputs, shot: Shot, visibility: Floats, s: Sections) -> ShotGroups:
@@ -105,7 +105,9 @@ def _group(part: Part, inputs: Inputs, shot: Shot, visibility: Floats, s: Sectio
     (affinity,) = inputs.affinity.of(shot.start, shot.stop).blocks()
     grid = working_size(part.probe, s.frames.width)
     pieces = read_pieces(inputs.statistics, shot)
-    return group_shot(pairs, pieces, affinity.affinity, grid, s.motion.model, s.groups, visibility)
+    return group_shot(
+        pairs, pieces, affinity.affinity, grid, s.motion.model, s.groups.group(Grouping), visibility
+    )
 
 
 def _left(
@@ -120,7 +122,7 @@ def _left(
         stop=shot.stop,
         object=shot.objects,
         group=np.where(answer.group > 0, answer.group + before[0], 0),
-        instance=np.where(answer.thing > 0, answer.thing + before[1], 0),
+        instance=np.where(answer.instance > 0, answer.instance + before[1], 0),
         frames=frames,
         area=area,
         score=d.score,

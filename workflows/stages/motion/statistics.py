@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.linking import measure_pieces
+from zsmoseg.grouping.pieces import measure_pieces
+from zsmoseg.motion.measuring import measure_pair
 from zsmoseg.motion.models import MONOMIALS, SIZE
-from zsmoseg.motion.photometric import explained, grey, world_motion
-from zsmoseg.motion.statistics import UNUSED, pair_statistics, slots
+from zsmoseg.motion.photometric import grey
+from zsmoseg.motion.statistics import Sums
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import Part, Stage, ignored, reach, working_size
@@ -90,32 +91,24 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Statistics]:
     grid = working_size(part.probe, s.frames.width)
     labels, images, mask = shrink(inputs.labels.label, *grid), inputs.frames.image, ignored(s.ignore, *grid)
     ids = np.union1d([0], np.flatnonzero(np.bincount(labels.ravel()))).astype(np.int64)
-    rows = len(ids) + s.statistics.cells_y * s.statistics.cells_x
-    grams = np.zeros((part.last_pair - part.start, rows, SIZE, SIZE))
-    valid, forward, backward, depth = (
-        inputs.flow.valid,
-        inputs.flow.forward,
-        inputs.flow.backward,
-        inputs.depth.inverse_depth,
-    )
-    unexplained = np.zeros((len(grams), len(ids), 2))
+    sums, pairs, valid = s.statistics.group(Sums), part.last_pair - part.start, inputs.flow.valid
+    gram = np.zeros((pairs, len(ids), SIZE, SIZE))
+    cells = np.zeros((pairs, sums.cells_y * sums.cells_x, SIZE, SIZE))
+    unexplained = np.zeros((pairs, len(ids), 2))
+    forward, backward, depth = inputs.flow.forward, inputs.flow.backward, inputs.depth.inverse_depth
     looks = [grey(image) for image in images]
     for m in np.flatnonzero(valid):
-        known = None if depth is None else depth[m]
-        grams[m] = pair_statistics(labels[m], ids, forward[m], backward[m], known, mask, s.statistics)
-        world = world_motion(grams[m, 0], grams[m, : len(ids)].sum(0))
-        slot = slots(labels[m], ids)
-        if mask is not None:
-            slot[mask] = UNUSED
-        unexplained[m] = explained(looks[m], looks[m + 1], forward[m], world, slot, len(ids))
+        known, both = None if depth is None else depth[m], (looks[m], looks[m + 1])
+        found = measure_pair(labels[m], ids, forward[m], backward[m], known, both, mask, sums)
+        gram[m], cells[m], unexplained[m] = found.gram, found.cells, found.unexplained
     pieces = measure_pieces(labels, images[: part.stop - part.start], ids)
     yield Statistics(
         start=part.start,
         stop=part.stop,
         object=ids,
         valid=valid,
-        gram=grams[:, : len(ids)],
-        cells=grams[:, len(ids) :],
+        gram=gram,
+        cells=cells,
         unexplained=unexplained,
         area=pieces.area,
         box=pieces.box,

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
+from zsmoseg.flow.trajectories import Tracks, follow
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.trajectories import Tracks, follow
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 

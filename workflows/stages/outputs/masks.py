@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from zsmoseg import settings
-from zsmoseg.masks import encode_png, paint_table
+from zsmoseg.painting.numbers import paint_table
+from zsmoseg.painting.palette import encode_png
 from zsmoseg.stores import files
-from zsmoseg.video import Probe
+from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.masks import overlay, paint_table
+from zsmoseg.painting.numbers import paint_table
+from zsmoseg.painting.overlay import overlay
 from zsmoseg.stores import files
-from zsmoseg.video import Probe, read
+from zsmoseg.video.probe import Probe
+from zsmoseg.video.reading import read
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects

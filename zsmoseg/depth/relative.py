@@ -1,19 +1,10 @@
-"""Pseudo depth: a plane without weights; maps from elsewhere brought to the working grid."""
+"""Depth from elsewhere, of which only ratios count."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-NEAR = 4.0
-"""Inverse depth of the bottom of the frame over that of the top, for ``ground``."""
-
-
-def ground(height: int, width: int) -> NDArray[np.float32]:
-    """Relative inverse depth (h, w) of a plane that comes nearer towards the bottom, seen by a camera held level."""
-    ramp = np.linspace(1.0, NEAR, height, dtype=np.float32)
-    return np.repeat(ramp[:, None], width, axis=1)
 
 
 def relative(inverse: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.float32]:

@@ -1,60 +1,42 @@
-"""Objects that are one thing: an id that broke and came back, a limb that came off.
+"""Objects that are one instance of a thing: an id that broke and came back, a limb that came off.
 
 Objects are near by place, time and colour; one goes on in another where it ends beside it in the open. The
-decision is made on the objects; what linking adds is which of the movers are one thing, and which objects with too
-little evidence of their own belong to a thing that moves.
+decision is made on the objects; what linking adds is which of the movers are one instance, and which objects with too
+little evidence of their own belong to an instance that moves.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg import settings
-from zsmoseg.motion.loops import measure_pieces_of
+from zsmoseg.grouping.pieces import Pieces
 from zsmoseg.motion.models import Floats
-from zsmoseg.motion.statistics import slots
 
-BINS = (8, 6, 6)
-"""Of the colour histogram: L, a, b."""
+OPEN = 1.0
+"""px to the border of the frame from which an object ends in the open: nearer, it may have left."""
+TINY = 1e-9
+"""Instead of 0 as divisor, px."""
 
 
 @dataclass(frozen=True)
-class Pieces:
-    """Where T frames show N objects (by slot) and in which colours."""
+class Linking:
+    """What may lie between two objects that are one instance."""
 
-    area: NDArray[np.int32]
-    """(T, N) px of the working grid; 0 = absent."""
-    box: NDArray[np.float32]
-    """(T, N, 4) x0, y0, x1, y1 px, end exclusive; NaN = absent."""
-    colour: NDArray[np.int64]
-    """(N, bins) px."""
-
-
-def measure_pieces(label: NDArray[np.integer], frames: NDArray[np.uint8], ids: NDArray[np.int64]) -> Pieces:
-    """Place and colour of the objects ``ids``.
-
-    Parameters
-    ----------
-    label : (T, h, w) object of every pixel.
-    frames : (T, h, w, 3) blue green red.
-    ids : (N,) ascending, 0 first; all that occur in ``label``.
-    """
-    count = len(ids)
-    area = np.zeros((len(label), count), np.int32)
-    box = np.full((len(label), count, 4), np.nan, np.float32)
-    colour = np.zeros((count, int(np.prod(BINS))), np.int64)
-    for t, (one, frame) in enumerate(zip(label, frames, strict=True)):
-        slot = slots(one, ids)
-        area[t], box[t] = measure_pieces_of(slot, cv2.cvtColor(frame, cv2.COLOR_BGR2LAB), colour)
-    return Pieces(area, box, colour)
+    reach: float
+    """Sizes of the larger object, the root of its area, that their boxes may be apart."""
+    gap: int
+    """Frames that an instance may be out of sight."""
+    colour: float
+    """Intersection of colour histograms, 0 to 1, from which a gap is bridged."""
+    overlap: float
+    """Part of its life up to which an object may be seen beside the one it goes on in."""
 
 
 def box_gap(a: Floats, b: Floats) -> Floats:
-    """Distance between boxes (..., 4), 0 where they overlap."""
+    """Distance (...) between boxes (..., 4) of x0, y0, x1, y1, px; 0 where they overlap."""
     d = np.maximum(np.maximum(a[..., :2] - b[..., 2:], b[..., :2] - a[..., 2:]), 0.0)
     return np.hypot(d[..., 0], d[..., 1])
 
@@ -72,9 +54,9 @@ def nearness(
     velocity: Floats,
     shape: tuple[int, ...],
     wanted: NDArray[np.int64],
-    s: settings.Groups,
+    linking: Linking,
 ) -> Nearness:
-    """Which of the objects ``wanted`` can be one thing.
+    """Which of the objects ``wanted`` can be one instance.
 
     Seen together: the median distance of their boxes over the common frames. Never together: the earlier box
     moved on by its last velocity, or the later one back by its first, the better counts; at most ``gap`` frames
@@ -93,9 +75,9 @@ def nearness(
     lives.sort(key=lambda life: (life.first, life.number))
     for at, a in enumerate(lives):
         for b in lives[at + 1 :]:
-            if b.first - a.last > s.gap:
+            if b.first - a.last > linking.gap:
                 break
-            near = _together(a, b, shape, s) if (a.seen & b.seen).any() else _apart(a, b, s)
+            near = _together(a, b, shape, linking) if (a.seen & b.seen).any() else _apart(a, b, linking)
             for i, j in ((a.number, b.number), (b.number, a.number)):
                 distance[i, j], goes_on[i, j] = near
     return Nearness(distance, goes_on)
@@ -114,10 +96,12 @@ class _Life:
 
     @property
     def first(self) -> int:
+        """First frame."""
         return int(self.seen.argmax())
 
     @property
     def last(self) -> int:
+        """Last frame."""
         return len(self.seen) - 1 - int(self.seen[::-1].argmax())
 
     def alike(self, other: _Life, least: float) -> bool:
@@ -126,10 +110,10 @@ class _Life:
 
     def ends_beside(self, other: _Life, limit: float, shape: tuple[int, ...]) -> bool:
         """Whether this object ends or begins in the open beside the other."""
-        border = np.array([shape[1] - 1.0, shape[0] - 1.0])
+        border = np.array([shape[1] - OPEN, shape[0] - OPEN])
         for t, then in ((self.first, self.first - 1), (self.last, self.last + 1)):
             if 0 <= then < len(self.seen) and other.seen[then]:
-                inside = (self.box[t, :2] > 1).all() and (self.box[t, 2:] < border).all()
+                inside = (self.box[t, :2] > OPEN).all() and (self.box[t, 2:] < border).all()
                 if inside and box_gap(self.box[t], other.box[then]) <= limit:
                     return True
         return False
@@ -142,24 +126,26 @@ def _life(pieces: Pieces, velocity: Floats, n: int) -> _Life:
     return _Life(n, seen, pieces.box[:, n].astype(np.float64), size, colour, np.tile(velocity[:, n], 2))
 
 
-def _together(a: _Life, b: _Life, shape: tuple[int, ...], s: settings.Groups) -> tuple[float, bool]:
+def _together(a: _Life, b: _Life, shape: tuple[int, ...], linking: Linking) -> tuple[float, bool]:
     """Distance of two objects seen together, and whether one goes on in the other."""
-    common, limit = a.seen & b.seen, s.reach * max(a.size, b.size)
+    common, limit = a.seen & b.seen, linking.reach * max(a.size, b.size)
     gap = float(np.median(box_gap(a.box[common], b.box[common])))
-    short = common.sum() <= s.overlap * min(a.seen.sum(), b.seen.sum())
+    short = common.sum() <= linking.overlap * min(a.seen.sum(), b.seen.sum())
     goes_on = (
-        short and a.alike(b, s.colour) and (a.ends_beside(b, limit, shape) or b.ends_beside(a, limit, shape))
+        short
+        and a.alike(b, linking.colour)
+        and (a.ends_beside(b, limit, shape) or b.ends_beside(a, limit, shape))
     )
-    return gap / max(limit, 1e-9), bool(goes_on)
+    return gap / max(limit, TINY), bool(goes_on)
 
 
-def _apart(a: _Life, b: _Life, s: settings.Groups) -> tuple[float, bool]:
+def _apart(a: _Life, b: _Life, linking: Linking) -> tuple[float, bool]:
     """The same of two objects never seen together, ``a`` the earlier one."""
-    frames, limit = b.first - a.last, s.reach * max(a.size, b.size)
-    if not 0 < frames <= s.gap or (frames > 1 and not a.alike(b, s.colour)):
+    frames, limit = b.first - a.last, linking.reach * max(a.size, b.size)
+    if not 0 < frames <= linking.gap or (frames > 1 and not a.alike(b, linking.colour)):
         return np.inf, False
     end, start = a.box[a.last], b.box[b.first]
     ahead = box_gap(end + frames * a.velocity[1], start)
     back = box_gap(end, start - frames * b.velocity[0])
     gap = min(float(ahead), float(back))
-    return gap / max(limit, 1e-9), gap <= limit
+    return gap / max(limit, TINY), gap <= limit

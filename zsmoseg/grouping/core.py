@@ -3,26 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.grouping.affinity import accumulate, normalised
+from zsmoseg.flow.consistency import Flow
+from zsmoseg.grouping.affinity import Kernel, accumulate, normalised
 from zsmoseg.grouping.evidence import PairGrams
-from zsmoseg.grouping.groups import ShotGroups, group_shot
-from zsmoseg.linking import measure_pieces
+from zsmoseg.grouping.groups import Grouping, ShotGroups, group_shot
+from zsmoseg.grouping.pieces import measure_pieces
+from zsmoseg.motion.measuring import measure_pair
 from zsmoseg.motion.models import MODELS
 from zsmoseg.motion.residuals import pair_residuals
-from zsmoseg.motion.statistics import pair_statistics
-from zsmoseg.settings import Settings
+from zsmoseg.motion.statistics import Sums
+
+
+@dataclass(frozen=True)
+class Core:
+    """Parameters of the core, each named after the section of the settings that it comes from."""
+
+    statistics: Sums
+    affinity: Kernel
+    groups: Grouping
 
 
 def shot_grams(
     labels: NDArray[np.integer[Any]],
-    flow: NDArray[np.float32],
+    flow: Flow,
     inverse_depth: NDArray[np.floating] | None,
-    settings: Settings,
+    sums: Sums,
     ignore: NDArray[np.bool_] | None = None,
     valid: NDArray[np.bool_] | None = None,
 ) -> list[PairGrams]:
@@ -32,17 +43,18 @@ def shot_grams(
     for m in range(len(flow)):
         if valid is None or valid[m]:
             depth = None if inverse_depth is None else inverse_depth[m]
-            gram = pair_statistics(labels[m], ids, flow[m], None, depth, ignore, settings.statistics)
-            out.append(PairGrams(m, ids, gram[: len(ids)], gram[len(ids) :]))
+            found = measure_pair(labels[m], ids, flow[m], None, depth, None, ignore, sums)
+            out.append(PairGrams(m, ids, found.gram, found.cells))
     return out
 
 
 def group_arrays(
     labels: NDArray[np.integer[Any]],
     frames: NDArray[np.uint8],
-    flow: NDArray[np.float32],
+    flow: Flow,
     inverse_depth: NDArray[np.floating] | None,
-    settings: Settings,
+    model: str,
+    core: Core,
     ignore: NDArray[np.bool_] | None = None,
     valid: NDArray[np.bool_] | None = None,
 ) -> ShotGroups:
@@ -54,23 +66,22 @@ def group_arrays(
     frames : (T, h, w, 3) blue green red.
     flow : (T - 1, 2, h, w) px, x then y, to the next frame.
     inverse_depth : (T, h, w) of any positive scale, or None.
-    settings : the sections ``statistics``, ``motion``, ``affinity`` and ``groups`` are read.
+    model : name of the motion model.
     ignore : (h, w) true where pixels count for nothing.
     valid : (T - 1,) false for pairs that are no pairs: a cut, a repeated frame.
 
     Returns
     -------
     ShotGroups
-        Groups and things by object, motion state by frame and object, and the evidence.
+        Groups and instances by object, motion state by frame and object, and the evidence.
     """
-    grams = shot_grams(labels, flow, inverse_depth, settings, ignore, valid)
+    grams = shot_grams(labels, flow, inverse_depth, core.statistics, ignore, valid)
     count = int(labels.max(initial=0)) + 1
-    model = settings.motion.chosen(inverse_depth is not None)
     pairs = ((g.ids, *pair_residuals(g.objects, MODELS[model])[:2]) for g in grams)
-    affinity = normalised(*accumulate(pairs, count, settings.affinity))
+    affinity = normalised(*accumulate(pairs, count, core.affinity))
     pieces = measure_pieces(labels, frames, np.arange(count, dtype=np.int64))
 
     def shot() -> Iterator[PairGrams]:
         return iter(grams)
 
-    return group_shot(shot, pieces, affinity, labels.shape[1:], model, settings.groups)
+    return group_shot(shot, pieces, affinity, labels.shape[1:], model, core.groups)

@@ -1,4 +1,4 @@
-"""The loops over the pixels, compiled."""
+"""Gram matrices of all objects of a pair in one loop over the pixels, compiled."""
 
 # mypy: disable-error-code="untyped-decorator, assignment, operator"
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _add_run(gram: Array, x: Array, y: float, q: Array, u: Array, v: Array) -> N
         uv += f * g
     z = y * y
     w = z * y
-    # order: 1 x y q xq yq xx xy yy u v
+    # in the order of MONOMIALS
     rows = (
         (x0, x1, y * x0, q0, q1, y * q0, x2, y * x1, z * x0, u0, v0),
         (0.0, x2, y * x1, q1, q2, y * q1, x3, y * x2, z * x1, u1, v1),
@@ -105,29 +105,3 @@ def _add_run(gram: Array, x: Array, y: float, q: Array, u: Array, v: Array) -> N
         row = rows[i]
         for j in range(i, SIZE):
             gram[i, j] += row[j]
-
-
-@nb.njit(cache=True)
-def measure_pieces_of(slot: Array, lab: Array, colour: Array) -> tuple[Array, Array]:
-    """Area and box per slot; colours are added to ``colour``. The background has no colour and no box."""
-    height, width = slot.shape
-    count = len(colour)
-    area = np.zeros(count, np.int32)
-    box = np.full((count, 4), np.nan, np.float32)
-    for y in range(height):
-        for x in range(width):
-            n = slot[y, x]
-            area[n] += 1
-            if n == 0:
-                continue
-            code = np.int64(lab[y, x, 0]) * 8 // 256
-            for c in range(1, 3):
-                part = (np.int64(lab[y, x, c]) - 80) // 16
-                code = code * 6 + min(max(part, 0), 5)
-            colour[n, code] += 1
-            if np.isnan(box[n, 0]):
-                box[n, 0], box[n, 1], box[n, 2], box[n, 3] = x, y, x + 1, y + 1
-            else:
-                box[n, 0], box[n, 2] = min(box[n, 0], x), max(box[n, 2], x + 1)
-                box[n, 3] = y + 1
-    return area, box

@@ -1,4 +1,4 @@
-"""Objects that are one thing: nearness, broken ids, pieces that come off, and real video."""
+"""Objects that are one instance: nearness, broken ids, pieces that come off, and real video."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import cv2
 import numpy as np
 import pytest
 
-from zsmoseg.flow import between
-from zsmoseg.grouping.arrays import group_arrays
+from zsmoseg.flow.dis import Dis, between
+from zsmoseg.grouping.core import Core, group_arrays
 from zsmoseg.grouping.groups import ShotGroups
-from zsmoseg.linking import BINS, Pieces, box_gap, measure_pieces, nearness
+from zsmoseg.grouping.instances import Linking, box_gap, nearness
+from zsmoseg.grouping.pieces import BINS, Pieces, measure_pieces
 from zsmoseg.metrics import region_j
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import Scene, flow_scene
 
-S = resolve().groups
+S = resolve().groups.group(Linking)
 SHAPE = 120, 160
 STILL = np.zeros((2, 4, 2))
 
@@ -95,7 +96,7 @@ def test_a_gap_needs_like_colours_and_has_a_longest_length() -> None:
     assert near(boxes(early, (range(late, late + 2), (30, 40), (0, 0)))) == (False, False)
 
 
-def test_a_limb_that_came_off_in_the_open_goes_on_in_its_thing() -> None:
+def test_a_limb_that_came_off_in_the_open_goes_on_in_its_instance() -> None:
     whole = range(12), (60, 40), (0, 0)
     assert near(boxes(whole, (range(3, 6), (60, 62), (0, 0)))) == (True, False), "never without its successor"
     body = range(6, 12), (60, 40), (0, 0)
@@ -117,12 +118,12 @@ def broken(scene: Scene, gap: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def grouped(scene: Scene, labels: np.ndarray) -> ShotGroups:
-    settings = resolve(overrides={"motion.model": "screw-shift"})
-    return group_arrays(labels, scene.pictures, scene.flow, scene.inverse_depth, settings)
+    core = resolve().group(Core)
+    return group_arrays(labels, scene.pictures, scene.flow, scene.inverse_depth, "screw-shift", core)
 
 
 @pytest.mark.parametrize("gap", [0, 2])
-def test_ids_that_break_stay_one_thing_and_one_group(gap: int) -> None:
+def test_ids_that_break_stay_one_instance_and_one_group(gap: int) -> None:
     whole = 0
     for seed in (2, 4, 9):
         scene = flow_scene(seed, n_movers=1, n_objects=6, companions=0.0, n_pairs=14, noise=0.1)
@@ -131,27 +132,27 @@ def test_ids_that_break_stay_one_thing_and_one_group(gap: int) -> None:
         present = np.bincount(labels.ravel(), minlength=len(old))[: len(found.group)] > 200
         np.testing.assert_array_equal((found.group > 0)[present], (scene.group[old] > 0)[present])
         assert found.group.max() == 1
-        whole += int(found.thing.max() == 1)
+        whole += int(found.instance.max() == 1)
     assert whole == 3
 
 
-def test_two_movers_far_apart_are_two_things() -> None:
+def test_two_movers_far_apart_are_two_instances() -> None:
     for seed in range(20):
         scene = flow_scene(seed, n_movers=2, n_objects=6, companions=0.0)
         found = grouped(scene, scene.labels)
-        if found.thing.max() == 2:
+        if found.instance.max() == 2:
             assert found.group.max() == 2
             return
-    pytest.fail("no scene with two things")
+    pytest.fail("no scene with two instances")
 
 
-def test_things_never_cross_groups() -> None:
+def test_instances_never_cross_groups() -> None:
     for seed in range(4):
         scene = flow_scene(seed, n_movers=3, n_objects=9, shape=(120, 214), n_pairs=5, min_contrast=0.4)
         found = grouped(scene, scene.labels)
-        assert ((found.thing > 0) == (found.group > 0)).all()
-        for thing in range(1, int(found.thing.max()) + 1):
-            assert len(np.unique(found.group[found.thing == thing])) == 1
+        assert ((found.instance > 0) == (found.group > 0)).all()
+        for instance in range(1, int(found.instance.max()) + 1):
+            assert len(np.unique(found.group[found.instance == instance])) == 1
 
 
 # ------------------------------------------------------------------------ real video
@@ -171,9 +172,9 @@ def test_on_real_video_the_mover_stays_and_the_background_goes(
         [cv2.resize(cv2.imread(str(f)), (427, 240), interpolation=cv2.INTER_AREA) for f in files]
     )
     settings = resolve()
-    flow = np.stack([between(a, b, settings.flow)[0] for a, b in pairwise(frames)])
+    flow = np.stack([between(a, b, settings.flow.group(Dis))[0] for a, b in pairwise(frames)])
     small = np.stack([cv2.resize(x, (427, 240), interpolation=cv2.INTER_NEAREST_EXACT) for x in labels])
-    found = group_arrays(small, frames, flow, None, settings)
+    found = group_arrays(small, frames, flow, None, "affine", settings.group(Core))
     masks = (found.group > 0)[labels]
     kept = 100 * np.mean([region_j(t, p > 0) for t, p in zip(truth, labels, strict=True)])
     j = 100 * np.mean([region_j(t, p) for t, p in zip(truth, masks, strict=True)])

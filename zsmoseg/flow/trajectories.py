@@ -1,7 +1,6 @@
-"""Points followed along dense flow, as long as the flow back agrees; new ones where none is left.
+"""Points followed along dense flow, as long as the flow backward agrees; new ones where none is left.
 
-Criterion of Sundaram, Brox, Keutzer, "Dense point trajectories by GPU-accelerated large displacement optical flow",
-ECCV 2010.
+Sundaram, Brox, Keutzer, "Dense point trajectories by GPU-accelerated large displacement optical flow", ECCV 2010.
 """
 
 from __future__ import annotations
@@ -12,14 +11,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
-Flow = NDArray[np.float32]
-Places = NDArray[np.float32]
+from zsmoseg.flow.consistency import Flow, Places, Tolerance, closed, round_trip_of
+
 Ids = NDArray[np.int64]
 
-RELATIVE, ABSOLUTE = 0.01, 0.5
-"""There and back may miss by RELATIVE (|there|^2 + |back|^2) + ABSOLUTE px^2 (Sundaram, Brox, Keutzer)."""
+AGREE = Tolerance(absolute=0.5, relative=0.01, rule="squares")
+"""The values of Sundaram, Brox, Keutzer."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ def follow(pairs: Iterable[tuple[Flow, Flow] | None], height: int, width: int, s
 
     Notes
     -----
-    A track ends where it leaves the frame or there and back disagree. Of tracks that meet in one pixel the older
+    A track ends where it leaves the frame or where forward and backward disagree. Of tracks that meet in one pixel the older
     goes on.
     """
     grid = _centres(height, width, spacing)
@@ -65,8 +63,8 @@ def follow(pairs: Iterable[tuple[Flow, Flow] | None], height: int, width: int, s
         if pair is None:
             track, place = track[:0], place[:0]
         else:
-            there, good = _step(place, *pair)
-            track, place = _unmet(track[good], there[good], width)
+            end, good = _step(place, *pair)
+            track, place = _unmet(track[good], end[good], width)
         new = _lacking(grid, place, height, width, spacing)
         track = np.concatenate([track, last + np.arange(len(new))])
         place, last = np.concatenate([place, new]), last + len(new)
@@ -83,21 +81,9 @@ def look_up(label: NDArray[np.integer[Any]], place: Places) -> Ids:
 
 
 def _step(place: Places, forward: Flow, backward: Flow) -> tuple[Places, NDArray[np.bool_]]:
-    """Where the points are in the next frame, and whether to believe it."""
-    there = _sample(forward, place)
-    end = place + there
-    height, width = forward.shape[1:]
-    x, y = end.T
-    inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
-    back = _sample(backward, np.where(inside[:, None], end, 0))
-    miss = ((there + back) ** 2).sum(1)
-    return end, inside & (miss <= RELATIVE * ((there**2).sum(1) + (back**2).sum(1)) + ABSOLUTE)
-
-
-def _sample(flow: Flow, place: Places) -> Places:
-    """Bilinear, (rows, 2); NaN where a neighbour is."""
-    at = place.T[::-1]
-    return np.stack([map_coordinates(f, at, order=1, mode="nearest") for f in flow], axis=1)
+    """Where the points (rows, 2) are in the next frame, and whether to believe it."""
+    trip = round_trip_of(place.T, forward, backward)
+    return np.ascontiguousarray(trip.end.T), trip.inside & closed(trip, AGREE)
 
 
 def _unmet(track: Ids, place: Places, width: int) -> tuple[Ids, Places]:

@@ -1,0 +1,101 @@
+"""Settings: cheap to look at, in words, gone with an answer, and handed to the science by name."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, get_type_hints
+
+import pytest
+
+from zsmoseg.errors import SettingsError
+from zsmoseg.flow.dis import Dis
+from zsmoseg.flow.pairs import PairCriteria
+from zsmoseg.grouping.core import Core
+from zsmoseg.settings import Section, defaults, describe, parse_override, resolve
+from zsmoseg.settings.gone import GONE
+from zsmoseg.video.probe import Excerpt
+
+
+def test_a_look_at_the_settings_loads_no_library_of_arrays() -> None:
+    heavy = "numpy", "cv2", "numba", "scipy"
+    code = f"import sys, zsmoseg.settings; print([name for name in {heavy} if name in sys.modules])"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"
+
+
+def test_a_setting_that_is_gone_names_its_successor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(GONE, "flow.pace", "is flow.stride now")
+    with pytest.raises(SettingsError) as error:
+        resolve(overrides={"flow.pace": 4})
+    assert str(error.value) == "settings: flow.pace is flow.stride now"
+
+
+def test_what_is_gone_is_no_setting_and_its_successor_is_one() -> None:
+    for name, words in GONE.items():
+        assert name not in defaults()
+        assert [word for word in words.split() if word in defaults()], words
+
+
+def test_everything_wrong_is_told_at_once() -> None:
+    wrong = {"flow.strid": 1, "flow.stride": 99, "groups.keep": 0.5}
+    with pytest.raises(SettingsError) as error:
+        resolve(overrides=wrong)
+    text = str(error.value)
+    assert "flow.strid is unknown; did you mean flow.stride?" in text
+    assert "flow.stride = 99: expected an integer >= 1 and <= 8" in text
+    assert "groups.keep is groups.below_strongest now" in text
+
+
+def test_words_of_the_command_line_are_values() -> None:
+    assert parse_override("flow.stride=4") == ("flow.stride", 4)
+    assert parse_override("motion.model = affine") == ("motion.model", "affine")
+    assert describe("flow.stride")["allowed"] == "an integer >= 1 and <= 8"
+
+
+@dataclass(frozen=True)
+class Inner:
+    stride: int
+    constant: float = 2.5
+
+
+@dataclass(frozen=True)
+class Outer:
+    cut: float
+    inner: Inner
+
+
+def test_parameters_are_filled_by_name_however_deep() -> None:
+    section = resolve(overrides={"flow.stride": 3, "flow.cut": 0.25}).flow
+    assert section.group(Outer) == Outer(0.25, Inner(3))
+
+
+def leaves(kind: Any) -> set[str]:
+    """Names of the fields of a dataclass and of those in it."""
+    hints = get_type_hints(kind)
+    return {
+        name
+        for f in fields(kind)
+        for name in (leaves(hints[f.name]) if is_dataclass(hints[f.name]) else {f.name})
+    }
+
+
+@pytest.mark.parametrize(
+    ("section", "kinds"),
+    [
+        ("video", [Excerpt]),
+        ("flow", [Dis, PairCriteria]),
+        *((field.name, [get_type_hints(Core)[field.name]]) for field in fields(Core)),
+    ],
+)
+def test_the_science_reads_every_setting_of_a_section_but_what_stages_read(
+    section: str, kinds: list[Any]
+) -> None:
+    names = set(type(getattr(resolve(), section)).model_fields)
+    read = set().union(*map(leaves, kinds))
+    assert read <= names
+    assert names - read <= {"fingerprint", "source", "path", "cues", "fusion", "columns"}
+
+
+def test_sections_are_sections() -> None:
+    assert all(isinstance(section, Section) for _, section in resolve())

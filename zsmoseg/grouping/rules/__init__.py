@@ -1,0 +1,1 @@
+"""The rules that give groups: evidence and linking, clusters of the affinity, all as proposed."""

@@ -1,0 +1,62 @@
+"""The rule ``spectral``: clusters of the affinity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.grouping.clustering import Labels, agreement, spectral
+from zsmoseg.grouping.decision import Count
+from zsmoseg.motion.models import Floats
+
+TINY = 1e-12
+"""Instead of 0 as divisor."""
+DIGITS = 9
+"""Of the agreement that count: two numbers of groups that agree as well, but for rounding, are equal."""
+
+
+@dataclass(frozen=True)
+class Spectral:
+    """How the affinity is cut."""
+
+    equal: bool
+    """Whether objects count alike, whatever their size."""
+    most_groups: int
+    """Most groups that ``auto`` tries."""
+
+
+def spectral_groups(affinity: Floats, area: Floats, count: Count, cut: Spectral) -> Labels:
+    """Row-normalised spectral clustering (Ng, Jordan, Weiss 2002); the static group is the one that holds object 0.
+
+    Without a given number of groups the one that explains the affinity best is taken, 1 = nothing moves.
+
+    Parameters
+    ----------
+    affinity : (N, N).
+    area : (N,) pixels of every object, the background first.
+    """
+    ids, block = _seen(affinity, area)
+    weight = np.ones(len(ids)) if cut.equal else np.maximum(area[ids], 1.0)
+    if count == "auto":
+        counts = range(1, min(cut.most_groups, len(ids)) + 1)
+        tried = [(spectral(block, k, weight)[0], k) for k in counts]
+        label = max(tried, key=lambda t: (round(agreement(block, t[0], weight), DIGITS), -t[1]))[0]
+    else:
+        label = spectral(block, min(count, len(ids)), weight)[0]
+    group = np.zeros(len(area), np.int64)
+    group[ids] = np.where(label == label[0], 0, label + 1)
+    return group
+
+
+def eigenvalues(affinity: Floats, area: Floats) -> Floats:
+    """Of the normalised affinity (N, N) of the background and the objects that are seen, the largest first."""
+    return spectral(_seen(affinity, area)[1], 1)[1]
+
+
+def _seen(affinity: Floats, area: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """The background and the objects that are seen, and their affinity, at most 1."""
+    ids = np.flatnonzero((area > 0) | (np.arange(len(area)) == 0))
+    block = affinity[np.ix_(ids, ids)]
+    return ids, block / max(float(block.max()), TINY)

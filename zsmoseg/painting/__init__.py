@@ -1,0 +1,1 @@
+"""From objects to what is looked at: numbers, palette images, overlays."""

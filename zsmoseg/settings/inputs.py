@@ -1,0 +1,84 @@
+"""The sections of what comes in: the video, its frames, flow and depth."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Literal
+
+from zsmoseg.errors import SettingsError
+from zsmoseg.settings.section import Brought, Section, setting
+
+
+class Video(Section):
+    """Which frames of the source are used."""
+
+    start: str = setting(
+        "", "first frame used: seconds (12.5) or a frame number (300f)", pattern=r"^(\d+(\.\d+)?s?|\d+f)?$"
+    )
+    end: str = setting(
+        "", "end of what is used, exclusive: seconds or a frame number", pattern=r"^(\d+(\.\d+)?s?|\d+f)?$"
+    )
+    every: int = setting(1, "use every n-th frame", "frames", ge=1)
+    fps: float = setting(25.0, "frame rate of folders of images, which carry no times", "1/s", gt=0)
+    allow_truncated: bool = setting(False, "use the part of a damaged video that can be decoded")
+    fingerprint: Literal["content", "stat"] = setting(
+        "content", "how the source is recognised: hash of its bytes, or size and time of change"
+    )
+
+
+class Ignore(Section):
+    """Pixels that count for nothing: a car bonnet, a time stamp."""
+
+    mask: str = setting("", "image whose non-zero pixels are kept out of every fit, table, border and mask")
+
+    def active(self) -> dict[str, Any]:
+        """The content of the mask counts, not its path."""
+        try:
+            return {"mask": sha256(Path(self.mask).read_bytes()).hexdigest() if self.mask else ""}
+        except OSError as error:
+            raise SettingsError(f"{self.mask}: the ignore mask cannot be read ({error.strerror})") from error
+
+
+class Frames(Section):
+    """The working grid."""
+
+    width: int = setting(427, "width of the working grid; the height follows", "px", ge=32, le=4096)
+
+
+class Flow(Brought):
+    """Optical flow in both directions."""
+
+    source: Literal["auto", "dis", "imported"] = setting(
+        "auto", "dis: OpenCV DIS; imported: read from files; auto: imported where there is an import"
+    )
+    path: str = setting("", "files with the flow of one video, or a folder with one of them a video")
+    finest_scale: int = setting(
+        0, "finest level of the pyramid; 1 = half the working grid", "", ("source", "dis"), ge=0, le=4
+    )
+    stride: int = setting(4, "distance of the patches (8 px wide)", "px", ("source", "dis"), ge=1, le=8)
+    descent: int = setting(12, "gradient descent steps of a patch", "", ("source", "dis"), ge=1, le=256)
+    refinement: int = setting(0, "variational refinement steps", "", ("source", "dis"), ge=0, le=256)
+    cut: float = setting(
+        0.58, "share of pixels that the other frame does not explain above which a pair is a cut", gt=0, le=1
+    )
+    repeat: float = setting(
+        4.0,
+        "difference of local means up to which a frame is a repeat of the one before",
+        "grey levels",
+        ge=0,
+    )
+
+
+class Depth(Brought):
+    """Pseudo depth."""
+
+    source: Literal["auto", "ground", "constant", "imported"] = setting(
+        "auto",
+        "constant: no depth; ground: a plane that comes nearer towards the bottom; imported: read from files; "
+        "auto: imported where there is an import, else constant",
+    )
+    path: str = setting("", "files with the depth of one video, or a folder with one of them a video")
+    kind: Literal["", "depth", "inverse-depth"] = setting(
+        "", "what the imported numbers are: larger = farther, or larger = nearer", "", ("source", "imported")
+    )

@@ -1,0 +1,95 @@
+"""From presets, TOML files and words of the command line to settings."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from zsmoseg.errors import SettingsError
+from zsmoseg.settings.gone import GONE
+from zsmoseg.settings.tree import Settings, defaults
+from zsmoseg.settings.words import problems_of, unknown
+
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "default": {},
+    "paper-core": {
+        "motion.model": "screw-printed",
+        "affinity.kernel": "ordered",
+        "affinity.ranking": "row",
+        "affinity.weight": "equal",
+        "groups.rule": "spectral",
+        "groups.equal": True,
+        "groups.count": 2,
+    },
+}
+"""Named settings; ``paper-core`` is the paper to the letter from the proposals on."""
+
+
+def resolve(
+    preset: str = "default", config: Path | None = None, overrides: Mapping[str, Any] | None = None
+) -> Settings:
+    """Settings from a preset, then a TOML file, then ``overrides`` (dotted names).
+
+    Raises
+    ------
+    SettingsError
+        Unknown preset; unreadable TOML; every setting that is gone, unknown, mistyped or out of range, all at once.
+    """
+    if preset not in PRESETS:
+        raise SettingsError(f"preset {preset!r} is unknown; there are {', '.join(PRESETS)}")
+    flat: dict[str, Any] = {
+        **PRESETS[preset],
+        **(_flatten(_toml(config)) if config else {}),
+        **(overrides or {}),
+    }
+    problems = []
+    tree: dict[str, dict[str, Any]] = {}
+    known = defaults()
+    for name, value in flat.items():
+        if name in known:
+            section, field = name.split(".", 1)
+            tree.setdefault(section, {})[field] = value
+        else:
+            problems.append(f"{name} {GONE[name]}" if name in GONE else unknown(name))
+    try:
+        settings = Settings.model_validate(tree)
+    except ValidationError as error:
+        problems += problems_of(error)
+    if problems:
+        raise SettingsError("settings: " + " | ".join(problems))
+    return settings
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """``"flow.stride=4"`` as name and TOML value; what is not TOML is a string."""
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip():
+        raise SettingsError(f"--set {text}: expected section.name=value")
+    try:
+        return name.strip(), tomllib.loads(f"v = {value}")["v"]
+    except tomllib.TOMLDecodeError:
+        return name.strip(), value.strip()
+
+
+def _toml(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise SettingsError(
+            f"{path}: cannot be read ({error.strerror}); give a TOML file to --config"
+        ) from error
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(f"{path}: is not TOML ({error})") from error
+
+
+def _flatten(tree: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        f"{section}.{name}": value
+        for section, fields in tree.items()
+        for name, value in (fields.items() if isinstance(fields, dict) else [("", fields)])
+    }

@@ -1,0 +1,62 @@
+"""What a section of settings is: values that are read together, each with unit, range and meaning."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
+
+from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
+
+
+def setting(default: Any, meaning: str, unit: str = "", when: tuple[str, ...] = (), **limits: Any) -> Any:
+    """One setting; ``when = (name, value, ...)``: it acts only while ``name`` of its section is such a value."""
+    return Field(default, description=meaning, json_schema_extra={"unit": unit, "when": list(when)}, **limits)
+
+
+class Section(BaseModel):
+    """Settings that are read together."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+
+    def active(self) -> dict[str, Any]:
+        """The settings that act: those of a backend or rule that is not chosen are left out."""
+        return {name: value for name, value in self.model_dump(mode="json").items() if self.acts(name)}
+
+    def acts(self, name: str) -> bool:
+        """Whether setting ``name`` can change anything now."""
+        when = type(self).extra(name)["when"]
+        return not when or getattr(self, when[0]) in when[1:]
+
+    def group(self, kind: type[T]) -> T:
+        """The parameters ``kind`` of a function of the science: a frozen dataclass, filled by the names of its fields.
+
+        A field that is such a dataclass itself is filled from this section too. Fields that are no settings keep
+        their defaults: they are constants.
+        """
+        hints, values = get_type_hints(kind), {}
+        for field in fields(kind):
+            if is_dataclass(hint := hints[field.name]) and isinstance(hint, type):
+                values[field.name] = self.group(hint)
+            elif field.name in type(self).model_fields:
+                values[field.name] = getattr(self, field.name)
+        return kind(**values)
+
+    @classmethod
+    def extra(cls, name: str) -> dict[str, Any]:
+        """Unit and condition of setting ``name``."""
+        extra = cls.model_fields[name].json_schema_extra
+        assert isinstance(extra, dict)
+        return extra
+
+
+class Brought(Section):
+    """A section whose cue may be brought by the user: a path, whose content counts in the key."""
+
+    def active(self) -> dict[str, Any]:
+        """What acts, without the path: ``zsmoseg.workflows.imports`` puts the fingerprint of its content there."""
+        return {name: value for name, value in super().active().items() if name != "path"}

@@ -1,0 +1,62 @@
+"""All settings, by section."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
+
+from pydantic import BaseModel, ConfigDict
+
+from zsmoseg.settings.grouping import Affinity, Groups, Motion, Statistics, Trajectories
+from zsmoseg.settings.inputs import Depth, Flow, Frames, Ignore, Video
+from zsmoseg.settings.outputs import Chunk, Masks, Overlay
+from zsmoseg.settings.proposals import Labels, Objects, Proposals, Segments, Tables
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
+
+
+class Settings(BaseModel):
+    """All settings, by section."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    video: Video = Video()
+    ignore: Ignore = Ignore()
+    frames: Frames = Frames()
+    flow: Flow = Flow()
+    depth: Depth = Depth()
+    proposals: Proposals = Proposals()
+    segments: Segments = Segments()
+    tables: Tables = Tables()
+    objects: Objects = Objects()
+    labels: Labels = Labels()
+    statistics: Statistics = Statistics()
+    motion: Motion = Motion()
+    trajectories: Trajectories = Trajectories()
+    affinity: Affinity = Affinity()
+    groups: Groups = Groups()
+    masks: Masks = Masks()
+    overlay: Overlay = Overlay()
+    chunk: Chunk = Chunk()
+
+    def flat(self) -> dict[str, Any]:
+        """``{"flow.stride": 4, ...}``."""
+        return {
+            f"{s}.{n}": v for s, fields in self.model_dump(mode="json").items() for n, v in fields.items()
+        }
+
+    def group(self, kind: type[T]) -> T:
+        """The parameters ``kind`` of several sections: a frozen dataclass with a dataclass a section, named like it."""
+        hints = get_type_hints(kind)
+        return kind(**{f.name: getattr(self, f.name).group(hints[f.name]) for f in fields(kind)})
+
+
+@lru_cache
+def defaults() -> Mapping[str, Any]:
+    """Dotted name to default."""
+    return Settings().flat()

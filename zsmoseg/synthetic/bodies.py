@@ -1,0 +1,180 @@
+"""Bodies of rendered clips: what stands where and how it moves, drawn at random.
+
+The unit of length is that of the scene; the camera looks along z, x right, y down.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.motion.models import Floats
+from zsmoseg.synthetic.scene import Camera
+from zsmoseg.synthetic.textures import texture
+
+HALF_VIEW = 0.55
+"""Half the width of the view over the focal length of rendered scenes."""
+WALL, GROUND = 20.0, 1.9
+"""Distance of the wall and depth of the ground below the camera, in the unit of the scene."""
+MARGIN = 1.15
+"""Radii that a mover keeps from the border of the frame."""
+WITHIN = 0.9
+"""Size of a body over the radius that is kept free for it: turned, it must not show more."""
+APART = 1.25
+"""Sums of their radii that movers keep from each other."""
+EVEN = 1.3
+"""Ratio of the fastest to the slowest mover, against the wall, that is not exceeded."""
+TRIES = 5000
+"""Paths drawn before a demand is called impossible."""
+COLOURS = ((50, 60, 205), (205, 110, 40), (40, 190, 215), (170, 60, 175), (60, 185, 70))
+"""Of the movers, blue green red."""
+
+Pose = tuple[Floats, Floats]
+"""Rotation (3, 3) and place (3,) of a body in front of the camera."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A textured plate: endless with a repeating texture, or with a lobed outline."""
+
+    poses: list[Pose]
+    """One a frame."""
+    size: float
+    """Radius, or half the distance at which the texture repeats, in the unit of the scene."""
+    texture: NDArray[np.uint8]
+    """(n, n, 3) blue green red."""
+    group: int
+    """Motion group, 0 = static."""
+    endless: bool = False
+    """Whether it goes on beyond its radius."""
+    lobes: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of the outline: depth over the radius, number, rad of the first."""
+
+    def plane(self, lens: Floats, t: int) -> Floats:
+        """(3, 3) px from plane coordinates in units of ``size``."""
+        turn, place = self.poses[t]
+        return lens @ np.stack([turn[:, 0] * self.size, turn[:, 1] * self.size, place], 1)
+
+
+def about(turn: Any) -> Floats:
+    """Rotation (3, 3) by a vector (3,), rad."""
+    return np.asarray(cv2.Rodrigues(np.asarray(turn, np.float64))[0])
+
+
+def travel(rng: np.random.Generator, camera: Camera, frames: int) -> list[Pose]:
+    """The world's pose relative to the camera at every frame; moderate enough that the shot lasts."""
+    turn, shift = np.zeros(3), np.zeros(3)
+    side = rng.choice([-1.0, 1.0])
+    if camera == "pan":
+        turn = np.array([0, side * rng.uniform(0.003, 0.006), rng.normal(0, 0.001)])
+    elif camera == "lateral":
+        shift[:2] = side * rng.uniform(0.03, 0.05), rng.normal(0, 0.006)
+    elif camera == "forward":
+        shift[2] = -rng.uniform(0.04, 0.06)
+    elif camera == "general":
+        shift = np.array([side * rng.uniform(0.02, 0.035), rng.normal(0, 0.004), -rng.uniform(0.015, 0.03)])
+        turn = rng.normal(0, 0.0008, 3)
+    middle = (frames - 1) / 2
+    return [(about(turn * (t - middle)), shift * (t - middle)) for t in range(frames)]
+
+
+def _fixed(world: list[Pose], turn: Floats, place: Floats) -> list[Pose]:
+    """Poses of what stands still in the world."""
+    return [(r @ turn, r @ place + s) for r, s in world]
+
+
+def surroundings(rng: np.random.Generator, world: list[Pose]) -> list[Body]:
+    """The wall and the ground."""
+    wall = _fixed(world, np.eye(3), np.array([0.0, 0.0, WALL]))
+    ground = _fixed(world, about([np.pi / 2, 0, 0]), np.array([0.0, GROUND, 8.0]))
+    return [
+        Body(wall, 6.0, texture(rng, (105, 120, 95), 22), 0, endless=True),
+        Body(ground, 4.0, texture(rng, (85, 105, 125), 20), 0, endless=True),
+    ]
+
+
+def still_body(rng: np.random.Generator, world: list[Pose]) -> Body:
+    """Something that stands in the world."""
+    z = rng.uniform(9, 16)
+    place = np.array([rng.uniform(-0.45, 0.45) * z, rng.uniform(-0.2, 0.08) * z, z])
+    size = rng.uniform(0.05, 0.09) * z
+    colour = rng.uniform(70, 140, 3)
+    return Body(_fixed(world, about(rng.normal(0, 0.3, 3)), place), size, texture(rng, colour, 20), 0)
+
+
+def moving_bodies(
+    rng: np.random.Generator, world: list[Pose], movers: int, aspect: float, speed: float
+) -> list[Body]:
+    """Movers on straight paths relative to the camera, drawn until all demands of ``video_scene`` are met.
+
+    Parameters
+    ----------
+    aspect : height over width of the frame.
+    speed : least speed, hundredths of half the frame's width a frame.
+    """
+    if not movers:
+        return []
+    place, depth, radius = _paths(rng, world, movers, aspect, speed)
+    bodies = []
+    for k in range(movers):
+        start, spin = rng.normal(0, 0.25, 3), rng.normal(0, 0.004, 3) * np.array([1, 1, 2])
+        poses = [(about(spin * t) @ about(start), place[k, t]) for t in range(len(world))]
+        lobes = (rng.uniform(0.0, 0.14), float(rng.integers(2, 5)), rng.uniform(0, 2 * np.pi))
+        size = radius[k] * HALF_VIEW * float(depth[k].mean()) * WITHIN
+        skin = texture(rng, COLOURS[k % len(COLOURS)], 35)
+        bodies.append(Body(poses, size, skin, k + 1, lobes=lobes))
+    return bodies
+
+
+def _paths(
+    rng: np.random.Generator, world: list[Pose], movers: int, aspect: float, speed: float
+) -> tuple[Floats, Floats, Floats]:
+    """Places (movers, T, 3), their depths (movers, T), and radii over half the frame's width (movers,)."""
+    frames = len(world)
+    for _ in range(TRIES):
+        z = rng.uniform(4.0, 5.5, (movers, 2))
+        radius = rng.uniform(0.15, 0.2, movers)
+        room = np.array([1, aspect]) - MARGIN * radius[:, None, None]
+        image = rng.uniform(-1, 1, (movers, 2, 2)) * room
+        path = np.linspace(image[:, 0], image[:, 1], frames, axis=1)
+        depth = np.linspace(z[:, 0], z[:, 1], frames, axis=1)
+        place = np.concatenate([path * HALF_VIEW, np.ones((movers, frames, 1))], 2) * depth[..., None]
+        if _demands(world, place, path, radius, speed / 100):
+            return place, depth, radius
+    raise ValueError(f"no scene has {movers} movers of speed {speed:g}; ask for fewer or slower ones")
+
+
+def _demands(world: list[Pose], place: Floats, path: Floats, radius: Floats, speed: float) -> bool:
+    """Whether movers keep apart and move by ``speed`` half widths a frame or more.
+
+    They do so against what stands still at their depth, against the wall and against each other, and no
+    mover is much faster than another.
+    """
+    own = path[:, 1:] - _carried(world, place)
+    far = path[:, 1:] - _carried(world, place * (WALL / place[..., 2:]))
+    if min(np.linalg.norm(v, axis=2).min() for v in (own, far)) < speed:
+        return False
+    pace = np.linalg.norm(far, axis=2).mean(1)
+    if pace.max() > EVEN * pace.min():
+        return False
+    for i in range(len(path)):
+        for j in range(i):
+            if (np.linalg.norm(path[i] - path[j], axis=1) < APART * (radius[i] + radius[j])).any():
+                return False
+            if np.linalg.norm((own[i] - own[j]).mean(0)) < speed:
+                return False
+    return True
+
+
+def _carried(world: list[Pose], place: Floats) -> Floats:
+    """(n, T - 1, 2) where points ``place`` (n, T, 3) would be seen a frame later if they stood still."""
+    out = []
+    for t in range(len(world) - 1):
+        turn = world[t + 1][0] @ world[t][0].T
+        moved = (place[:, t] - world[t][1]) @ turn.T + world[t + 1][1]
+        out.append(moved[:, :2] / moved[:, 2:] / HALF_VIEW)
+    return np.stack(out, 1)

@@ -1,0 +1,1 @@
+"""Videos: what users point at, which frames are used, reading them by index, exactly."""

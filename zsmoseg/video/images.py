@@ -1,0 +1,58 @@
+"""One image file: its size as displayed, its pixels, and whether they are all there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from zsmoseg.errors import VideoError
+
+WIDTH, HEIGHT, ORIENTATION = 0x0100, 0x0101, 0x0112
+"""EXIF tags."""
+SIDEWAYS = 5
+"""EXIF orientations from here on swap the sides."""
+
+
+def image_size(file: str) -> tuple[int, int]:
+    """(width, height) as displayed, from the header."""
+    try:
+        with Image.open(file) as image:
+            tags = image.getexif()
+            width, height = image.size
+            if image.format == "TIFF":  # Pillow may have turned it
+                width, height = int(tags[WIDTH]), int(tags[HEIGHT])
+            return (height, width) if tags.get(ORIENTATION, 1) >= SIDEWAYS else (width, height)
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise unreadable(file) from error
+
+
+def pixels(file: str) -> NDArray[Any] | None:
+    """(H, W, 3) as displayed, at the depth of the file; None where it is no image or cut off."""
+    try:
+        content = Path(file).read_bytes()
+    except OSError as error:
+        raise unreadable(file, f"cannot be read ({error.strerror})") from error
+    if not content or _cut_off(content):
+        return None
+    try:
+        flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
+        return cv2.imdecode(np.frombuffer(content, np.uint8), flags)
+    except cv2.error:
+        return None
+
+
+def _cut_off(content: bytes) -> bool:
+    """Whether a JPEG or PNG lacks its end, which decoders fill with grey or black and do not mention."""
+    if content.startswith(b"\xff\xd8"):  # the last scan does not end; the markers cannot occur within a scan
+        return content.rfind(b"\xff\xd9") < content.rfind(b"\xff\xda")
+    return content.startswith(b"\x89PNG") and b"IEND" not in content
+
+
+def unreadable(file: str, why: str = "cannot be read as an image") -> VideoError:
+    """The error for an image that cannot be used."""
+    return VideoError(f"{file}: {why}; replace it or take it out of the folder")

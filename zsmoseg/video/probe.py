@@ -1,0 +1,174 @@
+"""What a source holds: which frames are used, when they are shown and how they are called."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from zsmoseg.errors import VideoError
+from zsmoseg.video.images import image_size
+from zsmoseg.video.index import index
+from zsmoseg.video.sources import image_files
+
+EARLY = 1e-9
+"""Seconds that a frame may be shown before the time asked for: the error of times in binary fractions."""
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """Which frames of a source are used."""
+
+    start: str
+    """First frame: seconds (``12.5``) or a number (``300f``); empty: the first there is."""
+    end: str
+    """End, exclusive, as ``start``; empty: the last there is."""
+    every: int
+    """Frames from one that is used to the next."""
+    fps: float
+    """1/s, of folders of images, which carry no times."""
+    allow_truncated: bool
+    """Whether the part of a damaged file that can be decoded is good enough."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """The used frames of a source, in order."""
+
+    source: str
+    files: tuple[str, ...]
+    """One a frame for images; empty for a video file."""
+    pts: tuple[int, ...]
+    """Presentation times in the file's units; empty for images."""
+    keys: tuple[int, ...]
+    """Presentation times of the key frames of the file."""
+    names: tuple[str, ...]
+    """Of the files written for each frame."""
+    times: tuple[float, ...]
+    """Seconds from the start of the source."""
+    width: int
+    height: int
+    """As displayed: rotation applied; the shape of pixels is not."""
+    indices: tuple[int, ...] = ()
+    """Of the used frames among all frames of the source."""
+    total: int = 0
+    """Frames of the source, used or not."""
+
+    @property
+    def kind(self) -> str:
+        """``images`` or ``file``."""
+        return "images" if self.files else "file"
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Probe:
+        """From JSON."""
+        lists = {name: tuple(value) for name, value in content.items() if isinstance(value, list)}
+        return cls(**{**content, **lists})
+
+
+def probe(source: str, excerpt: Excerpt) -> Probe:
+    """Look at a source without decoding it all.
+
+    Parameters
+    ----------
+    source : a video file, a folder of images, or a glob of images.
+    excerpt : which of its frames are used.
+
+    Returns
+    -------
+    Its used frames, with absolute paths: workers may stand in another folder.
+
+    Raises
+    ------
+    VideoError
+        Not a video; fewer than two frames; images of different sizes; damaged (unless ``excerpt.allow_truncated``);
+        ``start``, ``end`` and ``every`` leave fewer than two frames.
+    """
+    files = image_files(source)
+    if files:
+        return _probe_images(source, files, excerpt)
+    if os.path.isdir(source):
+        raise VideoError(f"{source}: holds no frames; give a folder of images (jpg, png, tif, bmp, webp)")
+    if not os.path.exists(source):
+        raise VideoError(f"{source}: no such file or folder")
+    return _probe_file(source, excerpt)
+
+
+def _probe_images(source: str, files: list[str], excerpt: Excerpt) -> Probe:
+    used = _used([i / excerpt.fps for i in range(len(files))], source, excerpt)
+    chosen = [os.path.abspath(files[i]) for i in used]
+    sizes = [image_size(f) for f in chosen]
+    for file, size in zip(chosen, sizes, strict=True):
+        if size != sizes[0]:
+            raise VideoError(
+                f"{file}: is {size[0]} x {size[1]}, {os.path.basename(chosen[0])} is {sizes[0][0]} x {sizes[0][1]}; "
+                "all frames of a folder must have one size"
+            )
+    stems = [os.path.splitext(os.path.basename(f))[0] for f in chosen]
+    names = stems if len(set(stems)) == len(stems) else [f"{i:05d}" for i in used]
+    times = tuple(i / excerpt.fps for i in used)
+    where = os.path.abspath(source)
+    return Probe(
+        where, tuple(chosen), (), (), tuple(names), times, *sizes[0], indices=tuple(used), total=len(files)
+    )
+
+
+def _probe_file(source: str, excerpt: Excerpt) -> Probe:
+    found = index(source, thorough=excerpt.allow_truncated)
+    if found.decodable < found.promised and not excerpt.allow_truncated:
+        raise VideoError(
+            f"{source}: is damaged or cut off: frames 0 to {found.decodable - 1} of {found.promised} can be decoded, "
+            f"frame {found.decodable} cannot; --allow-truncated goes on with those"
+        )
+    pts = found.pts[: found.decodable]
+    times = [(p - pts[0]) * found.time_base for p in pts]
+    used = _used(times, source, excerpt)
+    return Probe(
+        os.path.abspath(source),
+        (),
+        tuple(pts[i] for i in used),
+        found.keys,
+        tuple(f"{i:05d}" for i in used),
+        tuple(times[i] for i in used),
+        found.width,
+        found.height,
+        indices=tuple(used),
+        total=len(times),
+    )
+
+
+def _used(times: list[float], source: str, excerpt: Excerpt) -> range:
+    """The frames between start and end, every n-th."""
+    if len(times) < 2:
+        raise VideoError(f"{source}: has {len(times)} frame; motion needs two at least")
+    length = f"its {len(times)} frames (0 to {times[-1]:.2f} s)"
+    start = _frame_at(excerpt.start, times) if excerpt.start else 0
+    end = min(_frame_at(excerpt.end, times) if excerpt.end else len(times), len(times))
+    if start >= len(times):
+        raise VideoError(
+            f"{source}: video.start = {excerpt.start} is behind {length}; give an earlier --start"
+        )
+    if start >= end:
+        raise VideoError(
+            f"{source}: video.start = {excerpt.start or 0} is not before video.end = {excerpt.end}, of {length}; change one"
+        )
+    used = range(start, end, excerpt.every)
+    if len(used) < 2:
+        raise VideoError(
+            f"{source}: video.start, video.end and video.every leave one of {length}; motion needs two at least"
+        )
+    return used
+
+
+def _frame_at(text: str, times: list[float]) -> int:
+    """The frame that ``300f`` or ``12.5`` means: the first at or after that time."""
+    if text.endswith("f"):
+        return int(text[:-1])
+    return int(np.searchsorted(times, float(text.removesuffix("s")) - EARLY))
