@@ -13,7 +13,7 @@ from zsmoseg.flow import between
 from zsmoseg.grouping.arrays import group_arrays
 from zsmoseg.grouping.groups import ShotGroups
 from zsmoseg.linking import BINS, Pieces, box_gap, measure_pieces, nearness
-from zsmoseg.metrics import region_j
+from zsmoseg.metrics.regions import region_j
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import Scene, flow_scene
 

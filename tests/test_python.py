@@ -21,7 +21,7 @@ def result(clip: Path, tmp_path_factory: pytest.TempPathFactory):
 
 def test_masks_are_those_of_the_output_folder(result) -> None:
     root, found = result
-    for kind, folder in (("group", "masks"), ("thing", "objects")):
+    for kind, folder in (("group", "masks"), ("instance", "objects")):
         np.testing.assert_array_equal(found.masks(kind).values, masks(root / "out" / "disc", folder))
     moving = found.masks("moving")
     assert moving.dtype == bool

@@ -100,13 +100,13 @@ class Result:
                 parts[stage] = self.artifact(stage).dataset(list(probe.times), list(probe.names))
         return xr.DataTree.from_dict(parts, name=self.name)
 
-    def masks(self, kind: Literal["moving", "group", "thing"] = "moving") -> xr.DataArray:
-        """Masks (frame, y, x), read when used: ``moving`` bool, ``group`` and ``thing`` integers, 0 = static."""
+    def masks(self, kind: Literal["moving", "group", "instance"] = "moving") -> xr.DataArray:
+        """Masks (frame, y, x), read when used: ``moving`` bool, ``group`` and ``instance`` integers, 0 = static."""
         import xarray as xr
 
         labels = self.artifact("labels").dataset(self.probe.times, self.probe.names)["label"]
         table = self.artifact("groups").read_table(0)
-        number: NDArray[np.int64] = table["thing" if kind == "thing" else "group"]
+        number: NDArray[np.int64] = table["instance" if kind == "instance" else "group"]
         lookup = number > 0 if kind == "moving" else number
         chunked = labels.chunk(frame=BLOCK)
         masks: xr.DataArray = xr.apply_ufunc(
@@ -117,7 +117,7 @@ class Result:
 
     @property
     def objects(self) -> pd.DataFrame:
-        """One row an object: object, group, thing, frames, area, score (px), threshold (px), visibility.
+        """One row an object: object, group, instance, frames, area, score (px), threshold (px), visibility.
 
         Of imported masks with ids also ``origin``, the id in the files.
         """

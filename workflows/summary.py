@@ -41,7 +41,7 @@ def states(plan: VideoPlan) -> str:
     assert labels is not None
     table, out = groups.read_table(0), StringIO()
     rows = csv.writer(out, lineterminator="\n")
-    rows.writerow(["frame", "name", "seconds", "object", "thing", "group", "moving", "margin"])
+    rows.writerow(["frame", "name", "seconds", "object", "instance", "group", "moving", "margin"])
     shots = [(int(shot.split("-")[1]), groups.read_table(0, shot)) for shot in groups.groups(0)]
     for part, (start, stop) in enumerate(labels.parts):
         seen = labels.read_table(part)
@@ -51,7 +51,7 @@ def states(plan: VideoPlan) -> str:
                 if n:
                     local = int(np.searchsorted(state["object"], n))
                     moving, margin = (state[name][frame - first, local] for name in ("moving", "margin"))
-                    about = [n, table["thing"][n], table["group"][n], int(moving)]
+                    about = [n, table["instance"][n], table["group"][n], int(moving)]
                     when = [frame, plan.probe.names[frame], f"{plan.probe.times[frame]:.4f}"]
                     rows.writerow([*when, *about, f"{margin:.3f}" if np.isfinite(margin) else ""])
     return out.getvalue()
@@ -81,7 +81,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
             {
                 "object": int(n),
                 "group": int(group[n]),
-                "thing": int(table["thing"][n]),
+                "instance": int(table["instance"][n]),
                 "frames": int(table["frames"][n]),
                 "frames_moving": int(moving[:, n].sum()),
                 "pixels": int(table["area"][n]),

@@ -54,7 +54,7 @@ def sentence(row: dict[str, Any], frames_moving: int, rule: str, visible: float)
     """The evidence for one object in words; ``rule`` and ``visible`` are the settings of ``groups``."""
     seen = f"object {row['object']}: seen in {row['frames']} frames, {row['area']} pixels in all"
     answer = (
-        f"group {row['group']}, thing {row['thing']}, moving in {frames_moving} frames"
+        f"group {row['group']}, instance {row['instance']}, moving in {frames_moving} frames"
         if row["group"]
         else "static"
     )

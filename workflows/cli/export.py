@@ -35,8 +35,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--format", choices=FORMATS, required=True, metavar="FORMAT", help="see below")
     parser.add_argument(
         "--what",
-        choices=("group", "thing", "object"),
-        help="what an id is: a group that moves (default), a thing that moves, an object, static ones too",
+        choices=("group", "instance", "object"),
+        help="what an id is: a group that moves (default), an instance that moves, an object, static ones too",
     )
     parser.add_argument(
         "--when",

@@ -18,7 +18,7 @@ def number_tables(result: Result, what: str, when: Literal["ever", "now"]) -> ND
 
     Parameters
     ----------
-    what : ``group`` and ``thing``: those that move; ``object``: all, static ones too.
+    what : ``group`` and ``instance``: those that move; ``object``: all, static ones too.
     when : a mover wherever it is seen, or only while it moves.
     """
     table, moving = result.artifact("groups").read_table(0), result.moving()

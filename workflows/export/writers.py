@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.formats.arrays import write_volume
+from zsmoseg.formats.npy import write_volume
 from zsmoseg.formats.coco import encode_coco
 from zsmoseg.formats.depth import encode_depth
 from zsmoseg.formats.flow_files import encode_kitti, write_flo

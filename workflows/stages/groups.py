@@ -79,7 +79,7 @@ def _columns(answer: ShotGroups, groups: int, things: int) -> dict[str, NDArray[
     threshold = np.where(np.isfinite(d.threshold), d.threshold, unreached)
     return {
         "group": np.where(answer.group > 0, answer.group + groups, 0),
-        "thing": np.where(answer.thing > 0, answer.thing + things, 0),
+        "instance": np.where(answer.thing > 0, answer.thing + things, 0),
         "score": d.score,
         "threshold": threshold,
         "yardstick": np.full(count, d.yardstick),
@@ -141,7 +141,7 @@ def read_pieces(statistics: Artifact, span: Span) -> Pieces:
 
 STAGE = Stage(
     "groups",
-    3,
+    4,
     task,
     inputs={"affinity": ALL, "statistics": ALL, "labels": ALL, "objects": ALL},
     sections=("frames", "motion", "groups"),

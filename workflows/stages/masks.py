@@ -40,7 +40,7 @@ def task(task: Task) -> Left:
     sizes = {}
     names = iter(files(task.probe, task.start, task.stop, task.settings))
     for label, state in zip(labels, moving, strict=True):
-        groups, things = (paint_table(table[column], state, when) for column in ("group", "thing"))
+        groups, things = (paint_table(table[column], state, when) for column in ("group", "instance"))
         image = encode_png(groups[label])
         other = image if np.array_equal(groups, things) else encode_png(things[label])
         for data, name in zip((image, other), names, strict=False):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
 from zsmoseg.formats.annotations import Entry, choose_video, entries, field, size_of
-from zsmoseg.formats.layers import HIGHEST, FrameMasks, MaskSource, stack, text
+from zsmoseg.formats.overlaps import HIGHEST, FrameMasks, MaskSource, stack, text
 from zsmoseg.formats.names import inside
 
 IDS = ("track_id", "instance_id")

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Literal
 
 from zsmoseg.errors import FormatError
-from zsmoseg.formats.arrays import Rows, keys, load
+from zsmoseg.formats.npy import Rows, keys, load
 from zsmoseg.formats.flow_files import Flow, as_flow, read_flow, sides
-from zsmoseg.formats.layers import index_of, text
+from zsmoseg.formats.overlaps import index_of, text
 from zsmoseg.formats.names import SIDES, frame_files
 
 Direction = Literal["forward", "backward"]
