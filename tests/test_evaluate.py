@@ -16,9 +16,9 @@ from PIL import Image
 from runs import masks, segment
 
 from zsmoseg.datasets.published import published_rows, sequence_lists
+from zsmoseg.metrics.protocols import PROTOCOLS
 from zsmoseg.metrics.regions import region_j
 from zsmoseg.metrics.tracks import track_scores
-from zsmoseg.metrics.protocols import PROTOCOLS
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.evaluate.reports import REPORTS
 

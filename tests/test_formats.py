@@ -27,13 +27,13 @@ from zsmoseg.formats import (
     open_masks,
     rle,
 )
-from zsmoseg.formats.npy import write_volume
 from zsmoseg.formats.coco import encode_coco
 from zsmoseg.formats.depth import encode_depth
 from zsmoseg.formats.flow_files import encode_kitti, write_flo
 from zsmoseg.formats.keep import encode_keep
-from zsmoseg.formats.overlaps import stack
 from zsmoseg.formats.mots import encode_mots
+from zsmoseg.formats.npy import write_volume
+from zsmoseg.formats.overlaps import stack
 from zsmoseg.formats.ytvis import encode_ytvis
 from zsmoseg.masks import encode_png
 

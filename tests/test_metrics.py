@@ -17,21 +17,19 @@ from scipy.ndimage import distance_transform_edt
 from scipy.optimize import linear_sum_assignment
 
 from zsmoseg.errors import FormatError
-from zsmoseg.metrics.contours import boundary_f, boundary_map
-from zsmoseg.metrics.regions import region_j
-from zsmoseg.metrics.tracks import track_scores
-from zsmoseg.metrics.contours import tolerance
-from zsmoseg.metrics.counts import PairSums, pair_counts
 from zsmoseg.metrics.clips import Clip, Frame
+from zsmoseg.metrics.contours import boundary_f, boundary_map, tolerance
+from zsmoseg.metrics.counts import PairSums, pair_counts
 from zsmoseg.metrics.davis import frame_scores, match_proposals, statistics
 from zsmoseg.metrics.davis_protocols import score_objects, score_proposals
 from zsmoseg.metrics.fbms import region_scores
 from zsmoseg.metrics.means import mean_scores
-from zsmoseg.metrics.motion_state import motion_scores
 from zsmoseg.metrics.misclassification import classification_error
+from zsmoseg.metrics.motion_state import motion_scores
 from zsmoseg.metrics.moving_protocol import score_moving
 from zsmoseg.metrics.protocols import PROTOCOLS
-from zsmoseg.metrics.tracks import match_tracks, merged_scores
+from zsmoseg.metrics.regions import region_j
+from zsmoseg.metrics.tracks import match_tracks, merged_scores, track_scores
 from zsmoseg.metrics.votes import PointVotes
 
 HALF = np.repeat([[1, 1, 1, 1, 1, 0, 0, 0, 0, 0]], 10, 0)

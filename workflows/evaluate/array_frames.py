@@ -31,7 +31,9 @@ def open_volume(path: Path) -> Rows:
     """
     rows = Rows(path, only_key(path))
     if len(rows.shape) != 3 or rows.dtype.kind not in "biuf":
-        raise FormatError(f"{path}: expected numbers (frames, height, width), found {rows.dtype} {rows.shape}")
+        raise FormatError(
+            f"{path}: expected numbers (frames, height, width), found {rows.dtype} {rows.shape}"
+        )
     return rows
 
 

@@ -86,9 +86,7 @@ def differences(board: Scoreboard) -> list[Difference]:
     found, protocol = [], board.rules.entry
     compared = [m for m in protocol.compared or board.metrics if m in board.metrics]
     for base, method in combinations(board.methods, 2):
-        a, b = (
-            _columns(list(board.methods[n].values()), board.metrics, protocol) for n in (base, method)
-        )
+        a, b = (_columns(list(board.methods[n].values()), board.metrics, protocol) for n in (base, method))
         found += [_difference(protocol, a, b, metric, method, base) for metric in compared]
     return found
 

@@ -10,13 +10,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.formats.npy import write_volume
 from zsmoseg.formats.coco import encode_coco
 from zsmoseg.formats.depth import encode_depth
 from zsmoseg.formats.flow_files import encode_kitti, write_flo
 from zsmoseg.formats.keep import encode_keep
 from zsmoseg.formats.mots import encode_mots
 from zsmoseg.formats.names import SIDES
+from zsmoseg.formats.npy import write_volume
 from zsmoseg.formats.ytvis import encode_ytvis
 from zsmoseg.masks import encode_png
 from zsmoseg.stores import files

@@ -83,7 +83,9 @@ def open_dataset(path: Path, protocol: str = "moving") -> Dataset:
 
 def _points(path: Path) -> Dataset | None:
     folder = path / "Data" if (path / "Data").is_dir() else path
-    files = sorted(f for f in folder.iterdir() if f.suffix == ".mat" or (f.suffix == ".npz" and holds_tracks(f)))
+    files = sorted(
+        f for f in folder.iterdir() if f.suffix == ".mat" or (f.suffix == ".npz" and holds_tracks(f))
+    )
     if not files:
         return None
     places = {file.stem: file for file in files}

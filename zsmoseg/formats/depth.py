@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats.label_images import read_numbers
-from zsmoseg.formats.overlaps import index_of, text
 from zsmoseg.formats.names import frame_files
 from zsmoseg.formats.npy import Array, Rows, load, only_key
+from zsmoseg.formats.overlaps import index_of, text
 
 Map = NDArray[np.float32]
 HIGHEST = 65535

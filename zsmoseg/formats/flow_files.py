@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
+from zsmoseg.formats.names import SIDES
 from zsmoseg.formats.npy import Array, keys, load, only_key
 from zsmoseg.formats.overlaps import text
-from zsmoseg.formats.names import SIDES
 
 Flow = NDArray[np.float32]
 
