@@ -94,6 +94,24 @@ def write_whole(path: Path, content: bytes, sync: bool = False) -> None:
             partial.unlink(missing_ok=True)
 
 
+@contextmanager
+def appearing(path: Path) -> Iterator[Path]:
+    """A path to write a file or folder to; at the end it takes the name ``path``, after an error it is removed.
+
+    Raises
+    ------
+    OSError
+        If the disk is full or the folder closed.
+    """
+    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield partial
+        partial.rename(path)
+    finally:
+        remove(partial)
+
+
 def remove(path: Path) -> None:
     """Remove a file or a folder with all that is in it, if it is there."""
     if path.is_dir() and not path.is_symlink():
