@@ -6,6 +6,7 @@ address of a function instead of the function.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -22,7 +23,12 @@ class Deferred:
 
     address: str
 
+    def load(self) -> Callable[..., Any]:
+        """Import the module; the function."""
+        module, _, name = self.address.partition(":")
+        function: Callable[..., Any] = getattr(import_module(module), name)
+        return function
+
     def __call__(self, *arguments: Any) -> Any:
         """Import the module, call the function."""
-        module, _, name = self.address.partition(":")
-        return getattr(import_module(module), name)(*arguments)
+        return self.load()(*arguments)

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``evaluate``."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = "protocols:\n" + "\n".join(f"  {name:24} {p.about}" for name, p in PROTOCOLS.items())
     add = parser.add_argument
     add(
         "predictions",
@@ -27,9 +29,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     add(
         "--protocol",
         choices=tuple(PROTOCOLS),
-        help="; ".join(f"{name}: {entry.about}" for name, entry in PROTOCOLS.items())
-        + "; default: "
-        + ", ".join(f"{name} for {truth}" for truth, name in DEFAULTS.items()),
+        metavar="PROTOCOL",
+        help="see below; default: " + ", ".join(f"{name} for {truth}" for truth, name in DEFAULTS.items()),
     )
     add("--format", choices=tuple(REPORTS), default="text")
     add("--sequences", metavar="A,B", help="sequences, published lists (davis-moving-val, ...) or all")
