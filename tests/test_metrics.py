@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from zsmoseg.errors import FormatError
 from zsmoseg.metrics.clips import Clip, Frame
-from zsmoseg.metrics.contours import boundary_f, boundary_map, tolerance
+from zsmoseg.metrics.contours import BOUND, boundary_map, contour, contour_f, tolerance
 from zsmoseg.metrics.counts import PairSums, pair_counts
 from zsmoseg.metrics.davis import frame_scores, match_proposals, statistics
 from zsmoseg.metrics.davis_protocols import score_objects, score_proposals
@@ -151,6 +151,16 @@ def test_void_leaves_pixels_out_of_tracks_only_when_asked() -> None:
     left_out = score_moving(clip_of(WITH_VOID, covered, 255)).values
     assert as_label["Fu"] == pytest.approx(90.9091, abs=5e-5)
     assert left_out["Fu"] == left_out["J"] == 100
+
+
+def boundary_f(
+    truth: np.ndarray, prediction: np.ndarray, void: np.ndarray | None = None, bound: float = BOUND
+) -> float:
+    """F of two whole masks; void pixels are background in both before outlines are drawn."""
+    if void is not None:
+        truth, prediction = truth & ~void, prediction & ~void
+    radius = tolerance(truth.shape, bound)
+    return contour_f(contour(truth, radius), contour(prediction, radius))
 
 
 TRUTH = np.zeros((480, 854), bool)

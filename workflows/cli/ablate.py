@@ -61,15 +61,12 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.datasets import open_dataset
     from zsmoseg.settings import resolve
     from zsmoseg.stores.output import Output
-    from zsmoseg.workflows.ablation import PROTOCOL, ablate, cues, paper_steps, sweep
+    from zsmoseg.workflows.ablation import PROTOCOL, ablate, cues, paper_steps
     from zsmoseg.workflows.progress import Steps
     from zsmoseg.workflows.run import Request
     from zsmoseg.workflows.stages.masks import write_bytes
 
-    sweeps: dict[str, list[Variant]] = {}
-    for text in options.sweep:
-        known = sweeps.setdefault(text.partition("=")[0].strip(), [])
-        known += [variant for variant in sweep(text) if variant not in known]
+    sweeps = _sweeps(options.sweep)
     output = Output(options.out, "ablation")
     output.refuse_foreign()
     dataset = open_dataset(options.truth, PROTOCOL)
@@ -97,6 +94,17 @@ def main(options: argparse.Namespace) -> int:
             output.add({f"{name}.png": write_bytes(output.path / f"{name}.png", _plot(name, board))}, name)
     print(f"tables of every sequence, and differences with their uncertainty: {output.path}")
     return 0
+
+
+def _sweeps(texts: Sequence[str]) -> dict[str, list[Variant]]:
+    """The variants of each setting that is swept; a value given twice counts once."""
+    from zsmoseg.workflows.ablation import sweep
+
+    sweeps: dict[str, list[Variant]] = {}
+    for text in texts:
+        known = sweeps.setdefault(text.partition("=")[0].strip(), [])
+        known += [variant for variant in sweep(text) if variant not in known]
+    return sweeps
 
 
 def _means(board: Scoreboard, variants: Sequence[Variant]) -> list[str]:

@@ -74,6 +74,6 @@ def sentence(row: dict[str, Any], frames_moving: int, rule: str, visible: float)
     joined = (
         ""
         if not row["group"] or row["score"] > row["threshold"]
-        else ", joined by nearness to a thing that moves"
+        else ", joined by nearness to an instance that moves"
     )
     return f"{seen}; {evidence}; the threshold is {row['threshold']:.3f} px: {answer}{joined}"
