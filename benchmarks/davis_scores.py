@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from zsmoseg.metrics import region_j, track_scores
+from zsmoseg.metrics.regions import region_j
+from zsmoseg.metrics.tracks import track_scores
 
 PAIR = ("kite-surf", "paragliding-launch")
 
@@ -32,7 +33,7 @@ def score(out: Path, truth: Path) -> list[float]:
     j = 100 * float(np.mean([region_j(t, p) for t, p in pairs[1:-1]]))
     scores = track_scores((t.astype(int), p.astype(int)) for t, p in pairs)
     summary = json.loads((out / "summary.json").read_text())
-    things = {e["thing"] for e in summary["evidence"]} - {0}
+    things = {e["instance"] for e in summary["evidence"]} - {0}
     return [j, scores.pu, scores.ru, scores.fu, summary["groups"], len(things)]
 
 

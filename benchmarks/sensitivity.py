@@ -17,6 +17,7 @@ import numpy as np
 from composites import TEN
 from PIL import Image
 
+from zsmoseg.workflows.stages.motion.groups import Groups
 from zsmoseg.settings import Settings, defaults, resolve
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.running.run import Request, run
@@ -72,7 +73,7 @@ class Bench:
             assert found is not None
             if plan.name not in self.tables:
                 self.tables[plan.name] = overlaps(labels, self.davis / "Annotations/480p" / plan.name)
-            group = found.read_table(0)["group"]
+            group = Groups.read(found).group
             rows.append(score(self.tables[plan.name], group > 0))
             groups.append(len(np.unique(np.append(group, 0))))
         return np.array(rows), groups

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from zsmoseg.datasets.points import read_tracks
+from zsmoseg.datasets.point_tracks import read_tracks
 from zsmoseg.grouping.fusion import count_groups
 from zsmoseg.grouping.points import classify, combined, cue_affinity, parted
 from zsmoseg.grouping.twoview import CUES
-from zsmoseg.metrics.points import classification_error
+from zsmoseg.metrics.misclassification import classification_error
 
 COLUMNS = (*CUES, "added", "co-regularised")
 

@@ -124,17 +124,16 @@ def appearing(path: Path) -> Iterator[Path]:
 
     Raises
     ------
-    SpaceError
-        If the disk is full.
+    OSError
+        If the disk is full or the folder closed.
     """
     partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
-    with full_disk_in_words(path):
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            yield partial
-            partial.replace(path)
-        finally:
-            remove(partial)
+        yield partial
+        partial.replace(path)
+    finally:
+        remove(partial)
 
 
 def write_whole(path: Path, content: bytes, sync: bool = False) -> None:
@@ -145,7 +144,7 @@ def write_whole(path: Path, content: bytes, sync: bool = False) -> None:
     SpaceError
         If the disk is full.
     """
-    with appearing(path) as partial, partial.open("wb") as file:
+    with full_disk_in_words(path), appearing(path) as partial, partial.open("wb") as file:
         file.write(content)
         if sync:
             file.flush()

@@ -12,7 +12,7 @@ from scipy.io import savemat
 
 from zsmoseg.datasets import Points, Truth, open_dataset, select
 from zsmoseg.datasets.motion_times import read_motion_times
-from zsmoseg.datasets.points import read_tracks
+from zsmoseg.datasets.point_tracks import read_tracks
 from zsmoseg.datasets.published import published_rows, sequence_lists
 from zsmoseg.errors import DatasetError, FormatError
 

@@ -9,7 +9,8 @@ import numpy as np
 from conftest import write_folder
 from runs import masks, segment
 
-from zsmoseg.metrics import region_j, track_scores
+from zsmoseg.metrics.regions import region_j
+from zsmoseg.metrics.tracks import track_scores
 
 QUICK = {"overlay.write": False, "chunk.length": 16}
 

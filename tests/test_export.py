@@ -70,7 +70,7 @@ def test_davis_images_are_those_of_the_run(root: Path, tmp_path: Path, painted: 
 def test_npz_holds_one_array_as_the_official_evaluator_wants(
     root: Path, tmp_path: Path, painted: np.ndarray
 ) -> None:
-    assert export(root, tmp_path, "npz", "--what", "thing") == 0
+    assert export(root, tmp_path, "npz", "--what", "instance") == 0
     with np.load(tmp_path / "disc.npz") as found:
         assert found.files == ["segmentation"]
         assert np.array_equal(found["segmentation"], painted)
@@ -231,8 +231,8 @@ def test_xarray_reads_the_copy(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("flo", "--what", "thing"), "--what does nothing for flo"),
-        (("colmap", "--what", "thing"), "--what does nothing for colmap"),
+        (("flo", "--what", "instance"), "--what does nothing for flo"),
+        (("colmap", "--what", "instance"), "--what does nothing for colmap"),
         (("davis", "--dilate", "3"), "--dilate does nothing for davis"),
         (("davis", "--cue", "flow"), "--cue does nothing for davis"),
         (("png", "--when", "now"), "--when does nothing for png"),

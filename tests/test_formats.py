@@ -27,13 +27,13 @@ from zsmoseg.formats import (
     open_masks,
     rle,
 )
-from zsmoseg.formats.arrays import write_volume
 from zsmoseg.formats.coco import encode_coco
 from zsmoseg.formats.depth import encode_depth
 from zsmoseg.formats.flow_files import encode_kitti, write_flo
 from zsmoseg.formats.keep import encode_keep
-from zsmoseg.formats.layers import stack
 from zsmoseg.formats.mots import encode_mots
+from zsmoseg.formats.npy import write_volume
+from zsmoseg.formats.overlaps import stack
 from zsmoseg.formats.ytvis import encode_ytvis
 from zsmoseg.painting.palette import encode_png
 
@@ -199,7 +199,7 @@ def _one_of_other_size(folder: Path) -> Path:
 
 def _colours(folder: Path) -> Path:
     write_pngs(folder, draw_labels())
-    Image.fromarray(np.zeros((*SIZE, 3), np.uint8)).save(folder / "00001.png")
+    Image.fromarray(np.full((*SIZE, 3), (0, 1, 2), np.uint8)).save(folder / "00001.png")
     return folder
 
 
@@ -244,7 +244,7 @@ def _empty(folder: Path) -> Path:
     ("write", "message"),
     [
         (_one_of_other_size, r"00001\.png: is 5 x 6, 00000\.png 12 x 17"),
-        (_colours, r"00001\.png: is an image of colours \(RGB\)"),
+        (_colours, r"00001\.png: is a colour image; ids are expected"),
         (_binary, r"00001\.png: holds only 0 and 255"),
         (_cut_short, r"00001\.png: cannot be read"),
         (_volume(draw_labels().astype(np.int64) + 65535), r"goat\.npz, frame 0: holds the id 65539"),

@@ -14,7 +14,7 @@ from zsmoseg.grouping.core import Core, group_arrays
 from zsmoseg.grouping.groups import ShotGroups
 from zsmoseg.grouping.instances import Linking, box_gap, nearness
 from zsmoseg.grouping.pieces import BINS, Pieces, measure_pieces
-from zsmoseg.metrics import region_j
+from zsmoseg.metrics.regions import region_j
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import Scene, flow_scene
 

@@ -7,6 +7,7 @@ import itertools
 import weakref
 from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,16 +17,19 @@ from scipy.ndimage import distance_transform_edt
 from scipy.optimize import linear_sum_assignment
 
 from zsmoseg.errors import FormatError
-from zsmoseg.metrics import boundary_f, boundary_map, region_j, track_scores
-from zsmoseg.metrics.contours import tolerance
+from zsmoseg.metrics.clips import Clip, Frame
+from zsmoseg.metrics.contours import BOUND, boundary_map, contour, contour_f, tolerance
 from zsmoseg.metrics.counts import PairSums, pair_counts
 from zsmoseg.metrics.davis import frame_scores, match_proposals, statistics
+from zsmoseg.metrics.davis_protocols import score_objects, score_proposals
 from zsmoseg.metrics.fbms import region_scores
-from zsmoseg.metrics.motion import motion_scores
-from zsmoseg.metrics.points import classification_error
-from zsmoseg.metrics.protocols import Rules, mean_scores
-from zsmoseg.metrics.scoring import Frame, score_moving, score_objects, score_proposals
-from zsmoseg.metrics.tracks import match_tracks, merged_scores
+from zsmoseg.metrics.means import mean_scores
+from zsmoseg.metrics.misclassification import classification_error
+from zsmoseg.metrics.motion_state import motion_scores
+from zsmoseg.metrics.moving_protocol import score_moving
+from zsmoseg.metrics.protocols import PROTOCOLS
+from zsmoseg.metrics.regions import region_j
+from zsmoseg.metrics.tracks import match_tracks, merged_scores, track_scores
 from zsmoseg.metrics.votes import PointVotes
 
 HALF = np.repeat([[1, 1, 1, 1, 1, 0, 0, 0, 0, 0]], 10, 0)
@@ -128,25 +132,35 @@ def test_no_frame_is_kept_while_tracks_are_counted() -> None:
     assert most <= 3
 
 
-def moving_frames(truth: np.ndarray, prediction: np.ndarray) -> list[Frame]:
-    """One frame to score."""
-    return [Frame("goat", 0, truth, prediction, None)]
+def clip_of(truth: np.ndarray, prediction: np.ndarray, *rules: Any) -> Clip:
+    """One frame to score; ``rules``: void, official, objects."""
+    return Clip([Frame("goat", 0, truth, prediction)], *rules)
 
 
 def test_without_background_the_formula_gives_a_value_and_official_stops() -> None:
     full = np.ones((4, 4), int)
     for truth, prediction in ((full, NOTHING[:4, :4]), (HALF[:4, :4], 2 * full)):
-        score_moving(moving_frames(truth, prediction), Rules("moving", None))
+        score_moving(clip_of(truth, prediction))
         with pytest.raises(FormatError, match=r"goat: the official program stops.*no background pixel"):
-            score_moving(moving_frames(truth, prediction), Rules("moving", None, official=True))
+            score_moving(clip_of(truth, prediction, None, True))
 
 
 def test_void_leaves_pixels_out_of_tracks_only_when_asked() -> None:
     covered = (WITH_VOID > 0).astype(int)
-    as_label = score_moving(moving_frames(WITH_VOID, covered), Rules("moving", None)).values
-    left_out = score_moving(moving_frames(WITH_VOID, covered), Rules("moving", 255)).values
+    as_label = score_moving(clip_of(WITH_VOID, covered)).values
+    left_out = score_moving(clip_of(WITH_VOID, covered, 255)).values
     assert as_label["Fu"] == pytest.approx(90.9091, abs=5e-5)
     assert left_out["Fu"] == left_out["J"] == 100
+
+
+def boundary_f(
+    truth: np.ndarray, prediction: np.ndarray, void: np.ndarray | None = None, bound: float = BOUND
+) -> float:
+    """F of two whole masks; void pixels are background in both before outlines are drawn."""
+    if void is not None:
+        truth, prediction = truth & ~void, prediction & ~void
+    radius = tolerance(truth.shape, bound)
+    return contour_f(contour(truth, radius), contour(prediction, radius))
 
 
 TRUTH = np.zeros((480, 854), bool)
@@ -275,13 +289,12 @@ def test_matched_proposals_are_those_of_trying_every_pair() -> None:
 
 
 def test_ids_that_a_protocol_does_not_allow_are_named() -> None:
-    rules = Rules("davis-2017-unsupervised", 255)
     with pytest.raises(FormatError, match="goat: has the id 21, but the protocol allows 20 proposals"):
-        score_proposals(moving_frames(HALF, 21 * HALF), 1, rules)
+        score_proposals(clip_of(HALF, 21 * HALF, 255, False, 1))
     with pytest.raises(FormatError, match="goat: is a 0/255 mask, which this protocol reads as object 255"):
-        score_proposals(moving_frames(HALF, 255 * HALF), 1, rules)
+        score_proposals(clip_of(HALF, 255 * HALF, 255, False, 1))
     with pytest.raises(FormatError, match="goat: has the id 2, but the highest id of the truth is 1"):
-        score_objects(moving_frames(HALF, 2 * HALF), 1, rules)
+        score_objects(clip_of(HALF, 2 * HALF, 255, False, 1))
 
 
 def fbms(truth: np.ndarray, prediction: np.ndarray, weight: np.ndarray | None = None) -> tuple[float, ...]:
@@ -311,12 +324,12 @@ def test_fbms_weighs_pixels_by_their_probability() -> None:
 
 def test_fbms_mean_f_is_that_of_mean_p_and_mean_r() -> None:
     values = {"F": np.array([1.0, 2.0]), "P": np.array([100.0, 50.0]), "R": np.array([50.0, 100.0])}
-    assert mean_scores(values, np.ones(2)) == {"P": 75, "R": 75, "F": 75}
+    assert mean_scores(values, np.ones(2), PROTOCOLS["fbms"]) == {"P": 75, "R": 75, "F": 75}
 
 
 def test_means_skip_what_a_sequence_does_not_have_and_weigh_objects() -> None:
     values = {"J": np.array([1.0, np.nan, 0.0]), "K": np.full(3, np.nan)}
-    means = mean_scores(values, np.array([3.0, 9.0, 1.0]))
+    means = mean_scores(values, np.array([3.0, 9.0, 1.0]), PROTOCOLS["davis-2017"])
     assert means["J"] == 0.75
     assert np.isnan(means["K"])
 

@@ -12,7 +12,7 @@ from zsmoseg.grouping.fusion import coregularised, count_groups, embedding, fuse
 from zsmoseg.grouping.kernels import ordered, shared_choices
 from zsmoseg.grouping.points import classify, combined, cue_affinity, parted
 from zsmoseg.grouping.twoview import CUES
-from zsmoseg.metrics.points import classification_error
+from zsmoseg.metrics.misclassification import classification_error
 
 
 # -------------------------------------------------------------------------- the error

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from runs import data_bytes, masks, segment
 
-from zsmoseg.metrics import track_scores
+from zsmoseg.metrics.tracks import track_scores
 
 
 @pytest.fixture(scope="module")

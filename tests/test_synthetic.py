@@ -12,7 +12,7 @@ from conftest import write_folder
 from runs import masks, segment
 
 from zsmoseg.flow.dis import Dis, between
-from zsmoseg.metrics import track_scores
+from zsmoseg.metrics.tracks import track_scores
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import CAMERAS, Camera, Scene, flow_scene, rigid_flow, video_scene
 from zsmoseg.synthetic import Motion as Screw

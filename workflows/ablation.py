@@ -8,7 +8,8 @@ from typing import Any
 
 from zsmoseg.datasets import Dataset, select
 from zsmoseg.errors import SettingsError, StageError
-from zsmoseg.metrics.protocols import PROTOCOLS, Rules, SequenceScore
+from zsmoseg.metrics.clips import SequenceScore
+from zsmoseg.metrics.protocols import PROTOCOLS, Rules
 from zsmoseg.settings import PRESETS, resolve
 from zsmoseg.stores.location import Store
 from zsmoseg.workflows.evaluate.evaluation import evaluate

@@ -21,7 +21,7 @@ from zsmoseg.errors import FormatError, SettingsError, StoreError
 from zsmoseg.flow.warp import inverted, resized
 from zsmoseg.formats.depth import DepthSource, inverse_depth, open_depth
 from zsmoseg.formats.flow import FlowSource, open_flow
-from zsmoseg.formats.masks import FrameMasks, MaskSource, open_masks
+from zsmoseg.formats.mask_formats import FrameMasks, MaskSource, open_masks
 from zsmoseg.formats.names import find_for_video, match_frames
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.records import read_record, write_record

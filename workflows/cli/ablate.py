@@ -15,6 +15,7 @@ from zsmoseg.workflows.cli.run import (
     overrides,
     setting_options,
 )
+from zsmoseg.workflows.evaluate.reports import REPORTS, render
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 DEFAULT = Path("zsmoseg-ablation")
 SHOWN = ("Fu", "Fu_binary", "J")
-ENDINGS = {"text": "txt", "csv": "csv", "json": "json", "markdown": "md", "latex": "tex"}
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +39,7 @@ def options(parser: argparse.ArgumentParser) -> None:
         metavar="KEY=A,B",
         help="instead of the paper's steps: a setting and its values; may be repeated, each is a table and a plot",
     )
-    add("--format", choices=tuple(ENDINGS), default="text", help="of the tables")
+    add("--format", choices=tuple(REPORTS), default="text", help="of the tables")
     add("-o", "--out", type=Path, default=DEFAULT, help=f"folder of tables and plots (default: {DEFAULT})")
     store_option(parser)
     add("--groups", metavar="auto|K", help="number of groups, the static one included (groups.count)")
@@ -61,18 +61,14 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.datasets import open_dataset
     from zsmoseg.settings import resolve
     from zsmoseg.stores.output import Output
-    from zsmoseg.workflows.ablation import ablate, cues, paper_steps, sweep
-    from zsmoseg.workflows.evaluate.tables import render
+    from zsmoseg.workflows.ablation import PROTOCOL, ablate, cues, paper_steps
     from zsmoseg.workflows.running.progress import Steps
     from zsmoseg.workflows.running.run import Request
 
-    sweeps: dict[str, list[Variant]] = {}
-    for text in options.sweep:
-        known = sweeps.setdefault(text.partition("=")[0].strip(), [])
-        known += [variant for variant in sweep(text) if variant not in known]
+    sweeps = _sweeps(options.sweep)
     output = Output(options.out, "ablation")
     output.refuse_foreign()
-    dataset = open_dataset(options.truth, "moving")
+    dataset = open_dataset(options.truth, PROTOCOL)
     request = Request(
         options.sources,
         Path(OUT),
@@ -91,12 +87,23 @@ def main(options: argparse.Namespace) -> int:
     for name, variants in sweeps.items():
         board = ablate(request, *given, variants, dataset, Steps())
         print(*_means(board, variants), sep="\n")
-        file = f"{name}.{ENDINGS[options.format]}"
+        file = f"{name}{REPORTS[options.format].ending}"
         output.write(file, render(board, options.format).encode(), name)
         if options.sweep:
             output.write(f"{name}.png", _plot(name, board), name)
     print(f"tables of every sequence, and differences with their uncertainty: {output.path}")
     return 0
+
+
+def _sweeps(texts: Sequence[str]) -> dict[str, list[Variant]]:
+    """The variants of each setting that is swept; a value given twice counts once."""
+    from zsmoseg.workflows.ablation import sweep
+
+    sweeps: dict[str, list[Variant]] = {}
+    for text in texts:
+        known = sweeps.setdefault(text.partition("=")[0].strip(), [])
+        known += [variant for variant in sweep(text) if variant not in known]
+    return sweeps
 
 
 def _means(board: Scoreboard, variants: Sequence[Variant]) -> list[str]:

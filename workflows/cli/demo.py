@@ -20,7 +20,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Render, segment, score; the clip stays beside the masks."""
-    from zsmoseg.metrics import track_scores
+    from zsmoseg.metrics.tracks import track_scores
     from zsmoseg.settings import resolve
     from zsmoseg.stores.location import Store
     from zsmoseg.synthetic import demo_scene

@@ -6,18 +6,18 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from zsmoseg.metrics.protocols import DEFAULTS, PROTOCOLS, Rules
 from zsmoseg.workflows.cli.run import positive
+from zsmoseg.workflows.evaluate.reports import REPORTS, render
 
 if TYPE_CHECKING:
-    from zsmoseg.metrics.protocols import Rules
     from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
-
-PROTOCOLS = ("davis-2016", "davis-2017", "davis-2017-unsupervised", "moving", "fbms", "points")
-FORMATS = ("text", "csv", "json", "markdown", "latex")
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``evaluate``."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = "protocols:\n" + "\n".join(f"  {name:24} {p.about}" for name, p in PROTOCOLS.items())
     add = parser.add_argument
     add(
         "predictions",
@@ -28,11 +28,11 @@ def options(parser: argparse.ArgumentParser) -> None:
     add("--truth", type=Path, required=True, metavar="DATASET", help="root of a dataset, or its annotations")
     add(
         "--protocol",
-        choices=PROTOCOLS,
-        help="moving (default): Pu Ru Fu and J; davis-...: J and F as those evaluators; fbms: P R F of Ochs et al.; "
-        "points: misclassified tracks (default, and the only one, for KT3DMoSeg)",
+        choices=tuple(PROTOCOLS),
+        metavar="PROTOCOL",
+        help="see below; default: " + ", ".join(f"{name} for {truth}" for truth, name in DEFAULTS.items()),
     )
-    add("--format", choices=FORMATS, default="text")
+    add("--format", choices=tuple(REPORTS), default="text")
     add("--sequences", metavar="A,B", help="sequences, published lists (davis-moving-val, ...) or all")
     add("--official", action="store_true", help="the official number also where it is known to be wrong")
     add(
@@ -47,7 +47,7 @@ def options(parser: argparse.ArgumentParser) -> None:
         help="CSV sequence,object,start,stop: frame numbers, stop exclusive, between which an object moves; adds J "
         "while moving and false objects a frame to moving",
     )
-    add("--label", choices=("group", "thing"), default="group", help="which masks of zsmoseg are scored")
+    add("--label", choices=("group", "instance"), default="group", help="which masks of zsmoseg are scored")
     add("--workers", type=positive, help="processes (default: the cores)")
     add("-o", "--out", type=Path, metavar="FILE", help="write there instead of to the terminal")
 
@@ -55,7 +55,6 @@ def options(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Score and print."""
     from zsmoseg.errors import OutputError
-    from zsmoseg.workflows.evaluate.tables import render
 
     out: Path | None = options.out
     if out is not None and (out.is_dir() or not out.parent.is_dir()):
@@ -78,8 +77,8 @@ def scoreboard(options: argparse.Namespace) -> Scoreboard:
     from zsmoseg.workflows.evaluate.predictions import named_predictions
 
     predictions = named_predictions(options.predictions, options.label)
-    dataset = open_dataset(options.truth, options.protocol or "")
-    protocol = options.protocol or ("points" if dataset.kind == "points" else "moving")
+    dataset = open_dataset(options.truth, options.protocol or DEFAULTS["masks"])
+    protocol = options.protocol or DEFAULTS[dataset.truth_kind]
     wanted = [word.strip() for word in options.sequences.split(",")] if options.sequences else None
     selection = select(dataset, wanted, protocol)
     rules = _rules(options, protocol)
@@ -91,7 +90,6 @@ def scoreboard(options: argparse.Namespace) -> Scoreboard:
 
 def _rules(options: argparse.Namespace, protocol: str) -> Rules:
     from zsmoseg.errors import SettingsError
-    from zsmoseg.metrics.protocols import PROTOCOLS, Rules
 
     void = PROTOCOLS[protocol].void
     if options.void is None:

@@ -6,27 +6,13 @@ import argparse
 from pathlib import Path
 
 from zsmoseg.workflows.cli.common import store_option, store_path
-
-FORMATS = {
-    "davis": "OUT/VIDEO/FRAME.png, palette images (DAVIS)",
-    "npz": "OUT/VIDEO.npz, one array `segmentation` (frame, y, x)",
-    "coco": "OUT/VIDEO.json, COCO with run lengths and track_id",
-    "ytvis": "OUT/VIDEO.json, YouTube-VIS with run lengths",
-    "mots": "OUT/VIDEO.txt, MOTS text",
-    "colmap": "OUT/VIDEO/IMAGE.png.png, 0 = moves, 255 = use (ImageReader.mask_path)",
-    "nerfstudio": "OUT/VIDEO/masks/FRAME.png, 0 = moves, 255 = use",
-    "flo": "OUT/flow/VIDEO/forward and backward, Middlebury .flo",
-    "npy": "OUT/flow/VIDEO, OUT/depth/VIDEO: arrays of the cues",
-    "png": "OUT/flow/VIDEO, OUT/depth/VIDEO: KITTI flow, 16-bit inverse depth",
-    "netcdf": "OUT/VIDEO.nc: labels, masks, motion state and cues with coordinates",
-    "zarr": "OUT/VIDEO.zarr: the same",
-}
+from zsmoseg.workflows.export.registry import FORMATS, taking
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``export``."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = "formats:\n" + "\n".join(f"  {name:11} {what}" for name, what in FORMATS.items())
+    parser.epilog = "formats:\n" + "\n".join(f"  {f.name:11} {f.help}" for f in FORMATS.values())
     parser.add_argument(
         "videos", metavar="VIDEO", nargs="+", help="name of a video in the store (see zsmoseg status)"
     )
@@ -35,8 +21,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--format", choices=FORMATS, required=True, metavar="FORMAT", help="see below")
     parser.add_argument(
         "--what",
-        choices=("group", "thing", "object"),
-        help="what an id is: a group that moves (default), a thing that moves, an object, static ones too",
+        choices=("group", "instance", "object"),
+        help="what an id is: a group that moves (default), an instance that moves, an object, static ones too",
     )
     parser.add_argument(
         "--when",
@@ -47,13 +33,13 @@ def options(parser: argparse.ArgumentParser) -> None:
         "--dilate",
         type=int,
         metavar="PX",
-        help="by how many pixels the ignored regions grow (colmap, nerfstudio)",
+        help=f"by how many pixels the ignored regions grow ({taking('dilate')})",
     )
     parser.add_argument(
         "--cue",
         choices=("flow", "depth"),
         action="append",
-        help="which cues, on the working grid (npy, png, netcdf, zarr; default: flow); may be repeated",
+        help=f"which cues, on the working grid ({taking('cue')}; default: flow); may be repeated",
     )
     parser.add_argument("--run", help="of this run instead of the latest (see zsmoseg runs)")
 

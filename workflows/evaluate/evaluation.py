@@ -14,8 +14,8 @@ import cv2
 from zsmoseg.datasets import Dataset, Selection, Truth
 from zsmoseg.datasets.motion_times import read_motion_times
 from zsmoseg.errors import DatasetError, FormatError, SettingsError, StageError
-from zsmoseg.metrics.motion import Times
-from zsmoseg.metrics.protocols import MOTION_METRICS, PROTOCOLS, Rules
+from zsmoseg.metrics.clips import Times
+from zsmoseg.metrics.protocols import PROTOCOLS, Rules, protocols_with
 from zsmoseg.workflows.evaluate.predictions import Prediction
 from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
 from zsmoseg.workflows.evaluate.scoring import Job, Scored, score
@@ -23,6 +23,8 @@ from zsmoseg.workflows.planning.estimate import cores
 
 SMALL = 100
 """Frames in all up to which starting processes takes longer than scoring."""
+WORDS = {"masks": "label images", "points": "track points"}
+"""Kinds of truth."""
 CLIP = 20
 """Frames of a clip of track points, about."""
 
@@ -39,7 +41,7 @@ def evaluate(
 
     Parameters
     ----------
-    times : of each sequence when its objects move, for the protocol ``moving``.
+    times : of each sequence when its objects move, for protocols with ``motion_metrics``.
     workers : processes; ``None`` for the cores.
 
     Raises
@@ -49,13 +51,11 @@ def evaluate(
     FormatError
         A prediction is not whole, of another size, or with ids that the protocol does not allow.
     """
-    if (rules.protocol == "points") != (dataset.kind == "points"):
-        fits = (
-            "--protocol points only"
-            if dataset.kind == "points"
-            else "no track points, --protocol points needs them"
+    if rules.entry.truth != dataset.truth_kind:
+        raise DatasetError(
+            f"{dataset.path}: is {dataset.name}, with {protocols_with(dataset.truth_kind)} only; "
+            f"{rules.protocol} needs {WORDS[rules.entry.truth]}"
         )
-        raise DatasetError(f"{dataset.path}: is {dataset.name}, with {fits}")
     truths = [dataset.truth(name) for name in selection.names]
     each = times or {}
     jobs = [Job(p, truth, rules, each.get(truth.name)) for p in predictions for truth in truths]
@@ -64,7 +64,7 @@ def evaluate(
         p.name: {t.name: s.score for t, s in zip(truths, scored[n * len(truths) :], strict=False)}
         for n, p in enumerate(predictions)
     }
-    metrics = PROTOCOLS[rules.protocol].metrics + (() if times is None else MOTION_METRICS)
+    metrics = rules.entry.names(times is not None)
     notes = _gathered((note, job.truth.name) for job, s in zip(jobs, scored, strict=True) for note in s.notes)
     words = f"{dataset.name}, {dataset.path}"
     return Scoreboard(rules, words, selection.words, selection.benchmark, metrics, methods, notes)
@@ -80,8 +80,9 @@ def read_times(path: Path, dataset: Dataset, selection: Selection, rules: Rules)
     FormatError
         A file that cannot be used, a sequence that the dataset does not have, or one without times.
     """
-    if rules.protocol != "moving":
-        raise SettingsError(f"--motion-times: {rules.protocol} does not use them; --protocol moving does")
+    if not rules.entry.motion_metrics:
+        using = ", ".join(name for name, entry in PROTOCOLS.items() if entry.motion_metrics)
+        raise SettingsError(f"--motion-times: {rules.protocol} does not use them; --protocol {using} does")
     times = read_motion_times(path)
     foreign = next((name for name in times if name not in dataset.places), None)
     if foreign is not None:
@@ -108,7 +109,7 @@ def score_all(jobs: Sequence[Job], workers: int | None = None) -> list[Scored]:
     """
     for job in jobs:
         if isinstance(job.truth, Truth):
-            job.prediction.check(job.truth, PROTOCOLS[job.rules.protocol].inner)
+            job.prediction.check(job.truth, job.rules.entry.inner)
     frames = sum(len(job.truth.frames) if isinstance(job.truth, Truth) else CLIP for job in jobs)
     count = min(cores(workers), len(jobs))
     if count <= 1 or (workers is None and frames <= SMALL):

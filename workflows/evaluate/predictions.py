@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from zsmoseg.datasets import Truth
-from zsmoseg.datasets.arrays import ARRAYS, FrameStream, Labels, Read, array_rows
-from zsmoseg.datasets.images import read_labels
-from zsmoseg.datasets.masks import label_files
+from zsmoseg.datasets.label_folders import label_files
 from zsmoseg.errors import FormatError, SettingsError, StoreError
+from zsmoseg.formats.label_images import read_labels
 from zsmoseg.stores.location import MARK
+from zsmoseg.workflows.evaluate.array_frames import ARRAYS, Labels, Read, array_rows, open_volume, reader
 
-Kind = Literal["group", "thing"]
+Kind = Literal["group", "instance"]
 
-FOLDERS = {"group": "masks", "thing": "objects"}
+FOLDERS = {"group": "masks", "instance": "objects"}
 
 
 @dataclass(frozen=True)
 class Prediction:
     """One method's masks of all sequences.
 
-    Where zsmoseg made them ``kind`` says motion groups or single things, and ``run`` which run of a store.
+    Where zsmoseg made them ``kind`` says motion groups or single instances, and ``run`` which run of a store.
     """
 
     name: str
@@ -38,8 +37,8 @@ class Prediction:
         if place is not None and place.is_dir():
             _files(place, truth.scored(inner).frames)
 
-    def open(self, truth: Truth, inner: bool, stack: ExitStack) -> Read:
-        """Ready to read the scored frames in ascending order; ``stack`` closes what is opened.
+    def open(self, truth: Truth, inner: bool) -> Read:
+        """Ready to read the scored frames; fastest in ascending order.
 
         Raises
         ------
@@ -52,11 +51,11 @@ class Prediction:
         if place.is_dir():
             files = _files(place, frames)
             return lambda index: (str(files[index]), read_labels(files[index]))
-        stream = FrameStream(place, stack)
-        rows = array_rows(place, truth.numbers, stream.shape[0])
-        return stream.reader(rows[1:-1] if inner else rows)
+        volume = open_volume(place)
+        rows = array_rows(place, truth.numbers, volume.shape[0])
+        return reader(volume, rows[1:-1] if inner else rows)
 
-    def in_order(self, sequence: str, count: int, stack: ExitStack) -> Read:
+    def in_order(self, sequence: str, count: int) -> Read:
         """Ready to read all ``count`` frames of a video by their place.
 
         Raises
@@ -74,8 +73,8 @@ class Prediction:
             files = label_files(place)
             found, read = len(files), lambda index: (str(files[index]), read_labels(files[index]))
         else:
-            stream = FrameStream(place, stack)
-            found, read = stream.shape[0], stream.reader(range(stream.shape[0]))
+            volume = open_volume(place)
+            found, read = volume.shape[0], reader(volume, range(volume.shape[0]))
         if found != count:
             raise FormatError(
                 f"{place or self.path}: has {found} masks of {sequence!r}, its tracks {count} frames"

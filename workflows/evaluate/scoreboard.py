@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.datasets.published import PublishedRow, published_rows
-from zsmoseg.metrics.protocols import PROTOCOLS, Rules, SequenceScore, mean_scores
+from zsmoseg.metrics.clips import SequenceScore
+from zsmoseg.metrics.means import mean_scores
+from zsmoseg.metrics.protocols import Protocol, Rules
 
-COMPARED = ("J&F", "J", "F", "Fu", "Fu_binary", "P", "R", "error", "J_moving", "false_objects")
-"""The numbers of which differences are shown."""
 CONFIDENCE = 0.95
 FEWEST = 6
 """Sequences from which a difference can be called clear: of five, all agree by chance once in 16 times."""
@@ -62,8 +62,9 @@ class Scoreboard:
     def mean(self, method: str, one_object: bool = False) -> dict[str, float]:
         """Means of a method, by the protocol over sequences or objects; of sequences with one object only."""
         scores = [s for s in self.methods[method].values() if not one_object or s.count == 1]
-        values, weight = _columns(scores, self.metrics, self.rules.protocol)
-        return {name: float(value) for name, value in mean_scores(values, weight).items()}
+        values, weight = _columns(scores, self.metrics, self.rules.entry)
+        means = mean_scores(values, weight, self.rules.entry)
+        return {name: float(value) for name, value in means.items()}
 
     def single(self) -> int:
         """How many sequences have one object in the truth."""
@@ -71,9 +72,7 @@ class Scoreboard:
 
     def published(self) -> list[PublishedRow]:
         """Published figures on the same list of sequences."""
-        return [
-            r for r in published_rows() if self.rules.protocol == "moving" and r.benchmark == self.benchmark
-        ]
+        return [r for r in published_rows() if self.rules.entry.published and r.benchmark == self.benchmark]
 
 
 def differences(board: Scoreboard) -> list[Difference]:
@@ -84,13 +83,11 @@ def differences(board: Scoreboard) -> list[Difference]:
     The interval is the percentile bootstrap of the difference of means over sequences, the same sequences
     drawn for both (paired), with a fixed seed.
     """
-    found = []
+    found, protocol = [], board.rules.entry
+    compared = [m for m in protocol.compared or board.metrics if m in board.metrics]
     for base, method in combinations(board.methods, 2):
-        a, b = (
-            _columns(list(board.methods[n].values()), board.metrics, board.rules.protocol)
-            for n in (base, method)
-        )
-        found += [_difference(a, b, metric, method, base) for metric in COMPARED if metric in board.metrics]
+        a, b = (_columns(list(board.methods[n].values()), board.metrics, protocol) for n in (base, method))
+        found += [_difference(protocol, a, b, metric, method, base) for metric in compared]
     return found
 
 
@@ -106,7 +103,7 @@ def as_json(board: Scoreboard) -> dict[str, Any]:
         ],
         "published": [
             {"method": r.method, "labels": r.labels, "source": r.source}
-            | dict(zip(("Pu", "Ru", "Fu"), r.values, strict=True))
+            | dict(zip(board.rules.entry.published, r.values, strict=True))
             for r in board.published()
         ],
     }
@@ -114,7 +111,7 @@ def as_json(board: Scoreboard) -> dict[str, Any]:
 
 def describe(board: Scoreboard) -> dict[str, str]:
     """Which protocol, frames and void rule made the numbers."""
-    protocol = PROTOCOLS[board.rules.protocol]
+    protocol = board.rules.entry
     void = board.rules.void
     words = {
         "truth": board.truth,
@@ -143,17 +140,20 @@ def _method_json(board: Scoreboard, name: str) -> dict[str, Any]:
     objects = {f"{s}_{n}": _finite(o) for s, score in scores.items() for n, o in score.objects.items()}
     if objects:
         out["objects"] = objects
-    if board.rules.protocol == "moving" and board.single():
+    if board.rules.entry.one_object and board.single():
         out["mean_one_object"] = _finite(board.mean(name, one_object=True))
         out["sequences_with_one_object"] = board.single()
     return out
 
 
-def _difference(a: Columns, b: Columns, metric: str, method: str, base: str) -> Difference:
+def _difference(
+    protocol: Protocol, a: Columns, b: Columns, metric: str, method: str, base: str
+) -> Difference:
     def statistic(chosen: NDArray[np.intp], axis: int = -1) -> NDArray[np.float64]:
         del axis  # always the last, as mean_scores has it
         one, other = ({n: v[chosen] for n, v in values.items()} for values, _ in (a, b))
-        return mean_scores(other, b[1][chosen])[metric] - mean_scores(one, a[1][chosen])[metric]
+        new, old = mean_scores(other, b[1][chosen], protocol), mean_scores(one, a[1][chosen], protocol)
+        return new[metric] - old[metric]
 
     everything = np.arange(len(a[1]))
     value = float(statistic(everything))
@@ -171,8 +171,8 @@ Columns = tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]
 """Values of each metric (sequences,), and the weight of each sequence."""
 
 
-def _columns(scores: Sequence[SequenceScore], metrics: Sequence[str], protocol: str) -> Columns:
-    by_object = PROTOCOLS[protocol].mean == "objects"
+def _columns(scores: Sequence[SequenceScore], metrics: Sequence[str], protocol: Protocol) -> Columns:
+    by_object = protocol.mean == "objects"
     values = {name: np.array([score.values[name] for score in scores]) for name in metrics}
     return values, np.array([score.count if by_object else 1 for score in scores], np.float64)
 

@@ -3,32 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from zsmoseg.datasets import Points, Truth
-from zsmoseg.datasets.points import read_tracks
+from zsmoseg.datasets.point_tracks import read_tracks
 from zsmoseg.errors import DatasetError, FormatError
-from zsmoseg.metrics.motion import Times
-from zsmoseg.metrics.points import classification_error
-from zsmoseg.metrics.protocols import PROTOCOLS, Rules, SequenceScore
-from zsmoseg.metrics.scoring import (
-    Frame,
-    score_fbms,
-    score_moving,
-    score_objects,
-    score_one_object,
-    score_proposals,
-)
-from zsmoseg.metrics.votes import PointVotes
+from zsmoseg.metrics.clips import Clip, Frame, SequenceScore, Times
+from zsmoseg.metrics.means import score_clip
+from zsmoseg.metrics.protocols import Rules
 from zsmoseg.workflows.evaluate.predictions import Prediction
 
 WHITE = 255
 """What black and white masks hold where the object is."""
-
-SCORED_BY_ID = {"davis-2017": score_objects, "davis-2017-unsupervised": score_proposals}
 
 
 @dataclass(frozen=True)
@@ -53,24 +41,19 @@ def score(job: Job) -> Scored:
     """Score one sequence."""
     truth, rules = job.truth, job.rules
     if isinstance(truth, Points):
-        return Scored(_score_points(job, truth))
+        return Scored(score_clip(_points_clip(job, truth), rules.entry))
+    counted = rules.entry.counted
     notes = [truth.note] if truth.note else []
-    by_id = rules.protocol in SCORED_BY_ID
     merge = (
         not rules.official
-        and (by_id or rules.void == WHITE or job.times is not None)
+        and (counted or rules.void == WHITE or job.times is not None)
         and black_and_white(truth)
     )
     if merge:
         notes.append("the annotation is 0/255, read as one object")
-    frames = _frames(job, truth, merge)
-    if by_id:
-        return Scored(
-            SCORED_BY_ID[rules.protocol](frames, 1 if merge else count_objects(truth, rules), rules), notes
-        )
-    if rules.protocol == "moving":
-        return Scored(score_moving(frames, rules, job.times), notes)
-    return Scored((score_fbms if rules.protocol == "fbms" else score_one_object)(frames, rules), notes)
+    objects = 0 if not counted else 1 if merge else count_objects(truth, rules)
+    clip = Clip(_frames(job, truth, merge), rules.void, rules.official, objects, job.times)
+    return Scored(score_clip(clip, rules.entry), notes)
 
 
 def black_and_white(truth: Truth) -> bool:
@@ -104,41 +87,40 @@ def count_objects(truth: Truth, rules: Rules) -> int:
 
 def _frames(job: Job, truth: Truth, merge: bool) -> Iterator[Frame]:
     """The frames that are scored, one at a time, sizes checked; with ``merge`` all labels become 1."""
-    inner = PROTOCOLS[job.rules.protocol].inner
-    part = truth.scored(inner)
+    protocol = job.rules.entry
+    part = truth.scored(protocol.inner)
     size: tuple[int, ...] | None = None
-    with ExitStack() as stack:
-        read = job.prediction.open(truth, inner, stack)
-        for index, number in enumerate(part.numbers):
-            labels, (where, prediction) = part.labels(index), read(index)
-            if size not in (None, labels.shape):
-                raise DatasetError(
-                    f"{part.file(index)}: is {_words(labels.shape)}, the frames before it {_words(size)}"
-                )
-            size = labels.shape
-            if prediction.shape != size:
-                raise FormatError(
-                    f"{where}: is {_words(prediction.shape)}, the annotation {_words(size)}; masks must have the "
-                    "size of the annotation (enlarge them by nearest neighbour)"
-                )
-            if merge and ((labels != 0) & (labels != WHITE)).any():
-                raise DatasetError(f"{part.file(index)}: holds ids, but the first annotation is a 0/255 mask")
-            mask = (labels != 0).view(np.uint8) if merge else labels
-            weight = part.weights(index) if job.rules.protocol == "fbms" else None
-            yield Frame(where, number, mask, prediction, weight)
+    read = job.prediction.open(truth, protocol.inner)
+    for index, number in enumerate(part.numbers):
+        labels, (where, prediction) = part.labels(index), read(index)
+        if size not in (None, labels.shape):
+            raise DatasetError(
+                f"{part.file(index)}: is {_words(labels.shape)}, the frames before it {_words(size)}"
+            )
+        size = labels.shape
+        if prediction.shape != size:
+            raise FormatError(
+                f"{where}: is {_words(prediction.shape)}, the annotation {_words(size)}; masks must have the "
+                "size of the annotation (enlarge them by nearest neighbour)"
+            )
+        if merge and ((labels != 0) & (labels != WHITE)).any():
+            raise DatasetError(f"{part.file(index)}: holds ids, but the first annotation is a 0/255 mask")
+        mask = (labels != 0).view(np.uint8) if merge else labels
+        yield Frame(where, number, mask, prediction, part.weights(index) if protocol.weighted else None)
 
 
-def _score_points(job: Job, truth: Points) -> SequenceScore:
-    """Labels at the track points; the t-th mask in order of name belongs to the t-th column of the tracks."""
+def _points_clip(job: Job, truth: Points) -> Clip:
+    """Labelled tracks; the t-th mask in order of name belongs to the t-th column of them."""
     tracks = read_tracks(truth.path)
-    votes = PointVotes(tracks.points, tracks.visible)
-    with ExitStack() as stack:
-        count = tracks.points.shape[1]
-        read = job.prediction.in_order(truth.name, count, stack)
-        for frame in range(count):
-            votes.add(frame, read(frame)[1])
-    groups = len(np.unique(tracks.label))
-    return SequenceScore({"error": classification_error(tracks.label, votes.labels())}, groups)
+    count = tracks.points.shape[1]
+    read, nothing = job.prediction.in_order(truth.name, count), np.zeros((0, 0), np.uint8)
+
+    def frames() -> Iterator[Frame]:
+        for index in range(count):
+            where, prediction = read(index)
+            yield Frame(where, index, nothing, prediction)
+
+    return Clip(frames(), job.rules.void, job.rules.official, tracks=tracks)
 
 
 def _words(shape: Sequence[int] | None) -> str:

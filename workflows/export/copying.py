@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from zsmoseg import __version__
 from zsmoseg.stores.dataset import open_dataset
+from zsmoseg.workflows.export.painting import number_tables
+from zsmoseg.workflows.export.registry import Choice
 from zsmoseg.workflows.result import BLOCK, Result
 
 if TYPE_CHECKING:
@@ -23,9 +25,9 @@ CONTENTS = {"flow": ("forward", "backward", "valid"), "depth": ("inverse_depth",
 """Variables of each cue."""
 
 
-def write_netcdf(result: Result, path: Path, ids: Ids, cues: Sequence[str]) -> None:
+def write_netcdf(result: Result, path: Path, choice: Choice) -> None:
     """A NetCDF 4 file, read by ``xarray.open_dataset``; compressed, one chunk a frame."""
-    dataset, encoding = _described(result, ids, cues)
+    dataset, encoding = _described(result, choice)
     images = {name: variable for name, variable in dataset.data_vars.items() if variable.ndim > 2}
     dataset.drop_vars(images).to_netcdf(path, engine="h5netcdf")
     for name, variable in images.items():  # all at once, the order in the file would change from time to time
@@ -36,9 +38,9 @@ def write_netcdf(result: Result, path: Path, ids: Ids, cues: Sequence[str]) -> N
             alone.to_netcdf(path, mode="a", engine="h5netcdf", encoding={name: stored})
 
 
-def write_zarr(result: Result, path: Path, ids: Ids, cues: Sequence[str]) -> None:
+def write_zarr(result: Result, path: Path, choice: Choice) -> None:
     """A Zarr group, read by ``xarray.open_zarr``; of version 2, for version 3 has no strings yet."""
-    dataset, encoding = _described(result, ids, cues)
+    dataset, encoding = _described(result, choice)
     with _in_order():
         dataset.to_zarr(path, encoding=encoding, zarr_format=2)
 
@@ -50,9 +52,10 @@ def _in_order() -> Any:
     return dask.config.set(scheduler="synchronous")
 
 
-def _described(result: Result, ids: Ids, cues: Sequence[str]) -> tuple[xr.Dataset, dict[str, dict[str, Any]]]:
+def _described(result: Result, choice: Choice) -> tuple[xr.Dataset, dict[str, dict[str, Any]]]:
     """The copy, read when written, and how scaled numbers are stored."""
-    dataset = _copy(result, ids, cues)
+    ids = number_tables(result, choice.what, choice.when)
+    dataset = _copy(result, ids, choice.cues)
     encoding = {
         str(name): {
             "dtype": variable.encoding["dtype"],

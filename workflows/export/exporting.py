@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from zsmoseg.errors import FormatError, OutputError, SettingsError, StoreError
-from zsmoseg.formats.mots import PER_CLASS
+from zsmoseg.errors import OutputError, SettingsError, StoreError
 from zsmoseg.stores import files
-from zsmoseg.workflows.export.painting import number_tables
-from zsmoseg.workflows.export.writers import CUE_WRITERS, WRITERS, Choice, Writer
+from zsmoseg.workflows.export.registry import Choice, format_named, taking
 from zsmoseg.workflows.result import Result
-
-IDS = ("davis", "npz", "coco", "ytvis", "mots")
-KEEP = ("colmap", "nerfstudio")
-CUES = ("npy", "png")
-COPIES = ("netcdf", "zarr")
-ENDINGS = {"npz": ".npz", "coco": ".json", "ytvis": ".json", "mots": ".txt", "netcdf": ".nc", "zarr": ".zarr"}
 
 
 def choose(
@@ -34,17 +25,13 @@ def choose(
     Raises
     ------
     SettingsError
-        If an option would do nothing for the format, or is out of range.
+        If there is no such format, or an option would do nothing for it or is out of range.
     """
-    for option, given, where in (
-        ("--what", what, (*IDS, *COPIES)),
-        ("--when", when, (*IDS, *KEEP, *COPIES)),
-        ("--dilate", dilate, KEEP),
-        ("--cue", cues, (*CUES, *COPIES)),
-    ):
-        if given is not None and format not in where:
+    options = format_named(format).options
+    for option, given in (("what", what), ("when", when), ("dilate", dilate), ("cue", cues)):
+        if given is not None and option not in options:
             raise SettingsError(
-                f"{option} does nothing for {format}; leave it out (it is for {', '.join(where)})"
+                f"--{option} does nothing for {format}; leave it out (it is for {taking(option)})"
             )
     if when is not None and what == "object":
         raise SettingsError(f"--when {when} does nothing for --what object: all are painted; leave it out")
@@ -69,31 +56,36 @@ def export(results: Sequence[Result], out: Path, choice: Choice) -> Iterator[Pat
     StoreError
         If a run has not what is asked for.
     """
+    format = format_named(choice.format)
     jobs = [job for result in results for job in _jobs(result, out, choice)]
     if (out / "zsmoseg.json").exists() or (out.exists() and not out.is_dir()):
         raise OutputError(f"{out}: is {'a store' if out.is_dir() else 'a file'}; give another folder (-o)")
     for path, _, _ in jobs:
         if path.exists():
             raise OutputError(f"{path}: is there already; nothing is written over: give another folder (-o)")
-    for path, write, result in jobs:
-        with appearing(path) as partial:
-            write(result, partial, choice)
+    for path, result, part in jobs:
+        try:
+            with files.appearing(path) as partial:
+                format.write(result, partial, part)
+        except OSError as error:
+            raise OutputError(
+                f"{path}: cannot be written ({error.strerror or error}); give another folder (-o)"
+            ) from error
         yield path
 
 
-Job = tuple[Path, Writer, Result]
+Job = tuple[Path, Result, Choice]
 
 
 def _jobs(result: Result, out: Path, choice: Choice) -> list[Job]:
-    """Every file or folder of one video, and what writes it."""
-    if choice.format in (*CUES, *COPIES, "flo"):
+    """Every file or folder of one video, and what is in it."""
+    format = format_named(choice.format)
+    if format.cues != "none":
         _check_cues(result, choice.cues)
-    name, format = result.name, choice.format
-    if format in (*CUES, "flo"):
-        return [(out / cue / name, CUE_WRITERS[cue], result) for cue in choice.cues]
-    if format == "mots" and number_tables(result, choice.what, choice.when).max(initial=0) >= PER_CLASS:
-        raise FormatError(f"{name}: MOTS text numbers at most {PER_CLASS - 1} objects; use another format")
-    return [(out / f"{name}{ENDINGS.get(format, '')}", WRITERS[format], result)]
+    if format.check is not None:
+        format.check(result, choice)
+    parts = [replace(choice, cues=(cue,)) for cue in choice.cues] if format.cues == "each" else [choice]
+    return [(format.path(out, result.name, part.cues[0]), result, part) for part in parts]
 
 
 def _check_cues(result: Result, cues: Sequence[str]) -> None:
@@ -102,25 +94,3 @@ def _check_cues(result: Result, cues: Sequence[str]) -> None:
             raise StoreError(
                 f"{result.name}: this run has no {cue}; run it with one, or leave out --cue {cue}"
             )
-
-
-@contextmanager
-def appearing(path: Path) -> Iterator[Path]:
-    """A path to write to; what is there at the end takes the name ``path``, after an error it is removed.
-
-    Raises
-    ------
-    OutputError
-        If the disk is full or the folder closed.
-    """
-    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield partial
-        partial.rename(path)
-    except OSError as error:
-        raise OutputError(
-            f"{path}: cannot be written ({error.strerror or error}); give another folder (-o)"
-        ) from error
-    finally:
-        files.remove(partial)

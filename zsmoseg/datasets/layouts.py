@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
-import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
-from zsmoseg.datasets.fbms import fbms_sequence, is_fbms
-from zsmoseg.datasets.masks import label_files, layered_sequence, mask_sequence
+from zsmoseg.datasets.fbms59 import fbms_sequence, is_fbms
+from zsmoseg.datasets.label_folders import label_files, layered_sequence, mask_sequence
+from zsmoseg.datasets.point_tracks import holds_tracks
 from zsmoseg.datasets.published import sequence_lists
 from zsmoseg.datasets.sequence import Points, Truth
 from zsmoseg.errors import DatasetError
+from zsmoseg.metrics.protocols import protocol_named
 
 RESOLUTIONS = ("480p", "Full-Resolution", "1080p")
 SPLITS = ("", "train", "valid")
@@ -37,6 +36,11 @@ class Dataset:
     places: dict[str, Path]
     images: Path | None = None
 
+    @property
+    def truth_kind(self) -> Literal["masks", "points"]:
+        """What the truth is made of: label images, or labelled track points."""
+        return "points" if self.kind == "points" else "masks"
+
     def truth(self, sequence: str) -> Truth | Points:
         """The truth of one sequence, checked."""
         place = self.places[sequence]
@@ -48,12 +52,12 @@ class Dataset:
         return (layered_sequence if self.kind == "layers" else mask_sequence)(place, images)
 
 
-def open_dataset(path: Path, protocol: str = "") -> Dataset:
+def open_dataset(path: Path, protocol: str = "moving") -> Dataset:
     """Recognise the dataset in a folder: its root, or the folder of its annotations.
 
     Parameters
     ----------
-    protocol : DAVIS has annotations of its own for ``davis-2017-unsupervised``.
+    protocol : DAVIS has annotations of its own for some.
 
     Raises
     ------
@@ -79,22 +83,15 @@ def open_dataset(path: Path, protocol: str = "") -> Dataset:
 
 def _points(path: Path) -> Dataset | None:
     folder = path / "Data" if (path / "Data").is_dir() else path
-    files = sorted(f for f in folder.iterdir() if f.suffix == ".mat" or (f.suffix == ".npz" and _tracks(f)))
+    files = sorted(
+        f for f in folder.iterdir() if f.suffix == ".mat" or (f.suffix == ".npz" and holds_tracks(f))
+    )
     if not files:
         return None
     places = {file.stem: file for file in files}
     known = {name.lower() for name in sequence_lists()["kt3dmoseg"]}
     name = "KT3DMoSeg" if {n.lower() for n in places} <= known else "point tracks"
     return Dataset(name, path, "points", places)
-
-
-def _tracks(path: Path) -> bool:
-    """Whether an .npz holds point tracks."""
-    try:
-        with np.load(path) as arrays:
-            return {"points", "visible", "label"} <= set(arrays)
-    except (OSError, ValueError, zipfile.BadZipFile):
-        return False
 
 
 def _fbms(path: Path) -> Dataset | None:
@@ -124,8 +121,7 @@ def _annotations(path: Path, protocol: str) -> Dataset | None:
 
 
 def _annotation_folders(path: Path, protocol: str) -> Iterable[Path]:
-    kinds = ("Annotations_unsupervised",) if protocol == "davis-2017-unsupervised" else ()
-    for kind in (*kinds, "Annotations"):
+    for kind in dict.fromkeys((protocol_named(protocol).annotations, "Annotations")):
         for split in SPLITS:
             base = path / split / kind
             yield from (base / name for name in (*RESOLUTIONS, ""))

@@ -8,17 +8,7 @@ from dataclasses import dataclass
 from zsmoseg.datasets.layouts import Dataset
 from zsmoseg.datasets.published import sequence_lists
 from zsmoseg.errors import DatasetError
-
-DEFAULT_LISTS = {
-    ("DAVIS", "davis-2016"): "davis-2016-val",
-    ("DAVIS", "davis-2017"): "davis-2017-val",
-    ("DAVIS", "davis-2017-unsupervised"): "davis-2017-val",
-    ("DAVIS", "moving"): "davis-moving-val",
-    ("YouTube-VOS", "moving"): "ytvos-moving-val",
-    ("FBMS-59", "moving"): "fbms-59-test",
-    ("FBMS-59", "fbms"): "fbms-59-test",
-}
-"""What the authors of a protocol score, where the dataset holds all of it."""
+from zsmoseg.metrics.protocols import protocol_named
 
 
 @dataclass(frozen=True)
@@ -44,7 +34,7 @@ def select(dataset: Dataset, wanted: Sequence[str] | None, protocol: str) -> Sel
         A name that the dataset does not hold.
     """
     there, lists = dataset.places, sequence_lists()
-    default = DEFAULT_LISTS.get((dataset.name, protocol), "")
+    default = protocol_named(protocol).lists.get(dataset.name, "")
     if wanted is None and default and all(name in there for name in lists[default]):
         return Selection(lists[default], f"{default}, {len(lists[default])} sequences", default)
     if wanted is None or list(wanted) == ["all"]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.datasets.images import read_labels
 from zsmoseg.errors import DatasetError, FormatError
+from zsmoseg.formats.label_images import read_labels
+from zsmoseg.formats.names import frame_number
 
 Labels = NDArray[np.integer[Any]]
 
@@ -95,12 +95,6 @@ class Points:
 
     name: str
     path: Path
-
-
-def frame_number(name: str) -> int | None:
-    """The last number in a file's name: 12 of ``00012`` and of ``cars1_12``."""
-    digits = re.findall(r"\d+", name)
-    return int(digits[-1]) if digits else None
 
 
 def numbered(names: Sequence[str], folder: Path) -> tuple[int, ...]:

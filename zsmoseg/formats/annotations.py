@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from zsmoseg.errors import FormatError
-from zsmoseg.formats.arrays import DAMAGED, damaged
+from zsmoseg.formats.npy import DAMAGED, damaged
 
 Entry = dict[str, Any]
 

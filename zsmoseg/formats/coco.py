@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
 from zsmoseg.formats.annotations import Entry, choose_video, entries, field, size_of
-from zsmoseg.formats.layers import HIGHEST, FrameMasks, MaskSource, stack, text
 from zsmoseg.formats.names import inside
+from zsmoseg.formats.overlaps import HIGHEST, FrameMasks, MaskSource, stack, text
 
 IDS = ("track_id", "instance_id")
 """Fields of annotations that tell objects through the video."""

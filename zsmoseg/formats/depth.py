@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
-from zsmoseg.formats.arrays import Array, Rows, keys, load
-from zsmoseg.formats.indexed import read_numbers
-from zsmoseg.formats.layers import index_of, text
+from zsmoseg.formats.label_images import read_numbers
 from zsmoseg.formats.names import frame_files
+from zsmoseg.formats.npy import Array, Rows, load, only_key
+from zsmoseg.formats.overlaps import index_of, text
 
 Map = NDArray[np.float32]
 HIGHEST = 65535
@@ -86,7 +86,7 @@ def open_depth(path: str | Path) -> DepthSource:
         )
     if not path.is_file() or path.suffix.lower() not in (".npy", ".npz"):
         raise FormatError(f"{path}: is no depth; give a folder of {', '.join(READERS)}, or one .npy or .npz")
-    rows = Rows(path, _only_key(path))
+    rows = Rows(path, only_key(path))
     if len(rows.shape) != 3:
         raise FormatError(f"{path}: is {text(rows.shape)}; the depth of a video is (frames, y, x)")
 
@@ -95,13 +95,6 @@ def open_depth(path: str | Path) -> DepthSource:
         return as_depth(rows.read(index), where), where
 
     return DepthSource(path, None, rows.shape[0], read)
-
-
-def _only_key(path: Path) -> str:
-    names = [""] if path.suffix.lower() == ".npy" else keys(path)
-    if len(names) != 1:
-        raise FormatError(f"{path}: holds {', '.join(names) or 'nothing'}; expected one array")
-    return names[0]
 
 
 def read_depth(path: Path) -> Map:
@@ -116,7 +109,7 @@ def read_depth(path: Path) -> Map:
 
 
 def _read_array(path: Path) -> Array:
-    return load(path)[_only_key(path)]
+    return load(path)[only_key(path)]
 
 
 def _read_exr(path: Path) -> Array:

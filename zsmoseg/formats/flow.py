@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Literal
 
 from zsmoseg.errors import FormatError
-from zsmoseg.formats.arrays import Rows, keys, load
 from zsmoseg.formats.flow_files import Flow, as_flow, read_flow, sides
-from zsmoseg.formats.layers import index_of, text
 from zsmoseg.formats.names import SIDES, frame_files
+from zsmoseg.formats.npy import Rows, keys, load
+from zsmoseg.formats.overlaps import index_of, text
 
 Direction = Literal["forward", "backward"]
 SUFFIX = re.compile(r"[_-](fw|bw|forward|backward)$", re.IGNORECASE)

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
-from zsmoseg.formats.arrays import Array, keys, load
-from zsmoseg.formats.layers import text
 from zsmoseg.formats.names import SIDES
+from zsmoseg.formats.npy import Array, keys, load, only_key
+from zsmoseg.formats.overlaps import text
 
 Flow = NDArray[np.float32]
 
@@ -33,11 +33,7 @@ def sides(path: Path) -> dict[str, str]:
     names = [""] if path.suffix.lower() == ".npy" else keys(path)
     if "forward" in names:
         return {side: side for side in SIDES if side in names}
-    if len(names) != 1:
-        raise FormatError(
-            f"{path}: holds {', '.join(names) or 'nothing'}; call the arrays forward and backward"
-        )
-    return {"forward": names[0]}
+    return {"forward": only_key(path, ", or two called forward and backward")}
 
 
 def read_flow(path: Path, side: str = "forward") -> Flow:

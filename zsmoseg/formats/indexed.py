@@ -3,18 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
-from PIL import Image
 
 from zsmoseg.errors import FormatError
-from zsmoseg.formats.arrays import DAMAGED, damaged
-from zsmoseg.formats.layers import FrameMasks, MaskSource, as_ids, refuse_binary, text
-
-IDS = ("P", "L", "1", "I", "I;16", "I;16B")
-"""Pillow's modes of images whose values are numbers, not colours."""
+from zsmoseg.formats.label_images import image_size, read_labels
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, refuse_binary, text
 
 
 class IndexedFolder(MaskSource):
@@ -33,34 +25,4 @@ class IndexedFolder(MaskSource):
 
     def _read(self, index: int) -> FrameMasks:
         file = self._files[index]
-        return FrameMasks(as_ids(read_numbers(file), self.size, str(file)))
-
-
-def image_size(path: Path) -> tuple[int, int]:
-    """(H, W) of an image of numbers, from its head.
-
-    Raises
-    ------
-    FormatError
-        If it is damaged, or an image of colours.
-    """
-    try:
-        with Image.open(path) as image:
-            mode, size = image.mode, (image.height, image.width)
-    except DAMAGED as error:
-        raise damaged(path, error) from error
-    if mode not in IDS:
-        raise FormatError(
-            f"{path}: is an image of colours ({mode}); ids are expected: save it with a palette, or in grey"
-        )
-    return size
-
-
-def read_numbers(path: Path) -> NDArray[Any]:
-    """(H, W) the numbers of an image: of a palette image the indices, not the colours."""
-    image_size(path)
-    try:
-        with Image.open(path) as image:
-            return np.asarray(image)
-    except DAMAGED as error:
-        raise damaged(path, error) from error
+        return FrameMasks(as_ids(read_labels(file), self.size, str(file)))

@@ -123,11 +123,11 @@ def match_frames(
 
 def _match_names(entries: Sequence[str], names: Sequence[str], where: str | Path) -> list[int | None]:
     exact = {name: t for t, name in enumerate(names)}
-    numbers = [last_integer(name) for name in names]
+    numbers = [frame_number(name) for name in names]
     numbered = {n: t for t, n in enumerate(numbers) if n is not None and numbers.count(n) == 1}
     out: list[int | None] = [None] * len(names)
     for i, entry in enumerate(entries):
-        number = last_integer(entry)
+        number = frame_number(entry)
         t = exact.get(entry, None if number is None else numbered.get(number))
         if t is None:
             raise FormatError(
@@ -142,7 +142,7 @@ def _match_names(entries: Sequence[str], names: Sequence[str], where: str | Path
     return out
 
 
-def last_integer(name: str) -> int | None:
-    """The last run of digits in a name: ``goat_480p_00012`` is 12."""
+def frame_number(name: str) -> int | None:
+    """The last number in a file's name: 12 of ``00012`` and of ``goat_480p_00012``; ``None`` without digits."""
     digits = re.findall(r"\d+", name)
     return int(digits[-1]) if digits else None

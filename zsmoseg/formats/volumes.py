@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
-from zsmoseg.formats.arrays import Rows, keys, load
-from zsmoseg.formats.layers import FrameMasks, MaskSource, as_ids, refuse_binary, stack, text
+from zsmoseg.formats.npy import Rows, load, only_key
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, refuse_binary, stack, text
 
 PREFIX = "proposals_"
 """Of files with the proposals of one frame."""
@@ -20,13 +20,8 @@ class IdVolume(MaskSource):
     """One array (T, H, W) of ids: the only one of an .npz, or an .npy."""
 
     def __init__(self, path: Path) -> None:
-        names = keys(path) if path.suffix.lower() == ".npz" else [""]
-        if len(names) != 1:
-            raise FormatError(
-                f"{path}: holds {', '.join(names) or 'nothing'}; expected one array (frame, y, x) of ids, or "
-                "frame, score, packed and size of detections"
-            )
-        self._rows = Rows(path, names[0])
+        detections = " (frame, y, x) of ids, or frame, score, packed and size of detections"
+        self._rows = Rows(path, only_key(path, detections))
         shape = self._rows.shape
         if len(shape) != 3 or 0 in shape:
             raise FormatError(f"{path}: the array is {text(shape)}; ids are (frame, y, x)")

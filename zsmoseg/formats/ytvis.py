@@ -13,8 +13,8 @@ from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
 from zsmoseg.formats.annotations import Entry, choose_video, entries, field, size_of
 from zsmoseg.formats.coco import CATEGORIES, dump
-from zsmoseg.formats.layers import FrameMasks, MaskSource, stack
 from zsmoseg.formats.names import inside
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, stack
 
 
 class Tracks(MaskSource):

@@ -1,7 +1,1 @@
-"""Scores of masks against truth."""
-
-from zsmoseg.metrics.contours import boundary_f, boundary_map
-from zsmoseg.metrics.regions import region_j
-from zsmoseg.metrics.tracks import TrackScores, track_scores
-
-__all__ = ["TrackScores", "boundary_f", "boundary_map", "region_j", "track_scores"]
+"""Scores of masks against truth: one file a measure; ``protocols`` says which belong together."""

@@ -95,14 +95,6 @@ def contour_f(truth: Contour | None, prediction: Contour | None) -> float:
     return 2 * precision * recall / (precision + recall) if precision + recall else 0.0
 
 
-def boundary_f(truth: Mask, prediction: Mask, void: Mask | None = None, bound: float = BOUND) -> float:
-    """F of two (H, W) masks; ``void`` pixels become background in both before outlines are drawn."""
-    if void is not None:
-        truth, prediction = truth & ~void, prediction & ~void
-    radius = tolerance(truth.shape, bound)
-    return contour_f(contour(truth, radius), contour(prediction, radius))
-
-
 def _covered(inner: Contour, outer: Contour) -> int:
     """Pixels of the outline ``inner`` that lie near ``outer``."""
     rows = _common(inner.top, inner.edge.shape[0], outer.top, outer.near.shape[0])

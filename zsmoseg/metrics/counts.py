@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.metrics.clips import Frame
+
 Labels = NDArray[np.integer[Any]]
 Mask = NDArray[np.bool_]
 
@@ -59,6 +61,15 @@ def pair_counts(
         codes, place = np.unique(code, return_inverse=True)
         pixels = np.bincount(place, weights)
     return PairCounts(codes // width + first, codes % width + low, pixels)
+
+
+def frame_counts(frame: Frame, void: int | None) -> PairCounts:
+    """Pair counts of a frame outside the true label ``void``, by its weights if it has any."""
+    if void is None:
+        return pair_counts(frame.truth, frame.prediction, frame.weight)
+    keep = frame.truth != void
+    weight = None if frame.weight is None else frame.weight[keep]
+    return pair_counts(frame.truth[keep], frame.prediction[keep], weight)
 
 
 class PairSums:

@@ -1,4 +1,4 @@
-"""J and F of the DAVIS protocols: per frame and object, over a sequence, and matched proposals."""
+"""J and F of DAVIS (Perazzi et al. 2016, Pont-Tuset et al. 2017): of a frame, a sequence, and matched proposals."""
 
 from __future__ import annotations
 
@@ -12,10 +12,8 @@ from scipy.optimize import linear_sum_assignment
 
 from zsmoseg.metrics.contours import Contour, contour, contour_f, grow, tolerance
 from zsmoseg.metrics.counts import Labels, pair_counts
+from zsmoseg.metrics.protocols import PROPOSALS
 from zsmoseg.metrics.regions import object_j
-
-PROPOSALS = 20
-"""Proposals that the unsupervised protocol of DAVIS 2017 allows."""
 
 Floats = NDArray[np.float64]
 
@@ -91,7 +89,7 @@ def match_proposals(
 
     Notes
     -----
-    One assignment a sequence, by the mean over frames of J plus that of F. Results come by object; the
+    One assignment a sequence (the Hungarian method, Kuhn 1955), by the mean over frames of J plus that of F. Results come by object; the
     evaluator lists them by proposal, under the same names, with the same means.
     """
     pairs = [(o, p) for o in range(1, objects + 1) for p in range(1, max(PROPOSALS, objects) + 1)]

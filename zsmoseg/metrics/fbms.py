@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from zsmoseg.metrics.counts import PairTable
+from zsmoseg.metrics.clips import Clip, SequenceScore
+from zsmoseg.metrics.counts import PairSums, PairTable, frame_counts
 
 
 class RegionScores(NamedTuple):
@@ -27,7 +30,7 @@ def region_scores(table: PairTable) -> RegionScores:
 
     Notes
     -----
-    Regions and clusters are the labels that occur with any weight, background (0) included. A region
+    Regions are matched to clusters by the Hungarian method (Kuhn 1955). Regions and clusters are the labels that occur with any weight, background (0) included. A region
     without a cluster counts P = 1, R = 0; a cluster without a region counts nothing.
     """
     pixels = table.pixels[np.ix_(table.pixels.sum(1) > 0, table.pixels.sum(0) > 0)]
@@ -41,6 +44,22 @@ def region_scores(table: PairTable) -> RegionScores:
     p = float(precision[match].sum() + unmatched) / len(pixels)
     r = float(recall[match].sum()) / len(pixels)
     return RegionScores(100 * p, 100 * r, harmonic(100 * p, 100 * r))
+
+
+def score_regions(clip: Clip) -> SequenceScore:
+    """P, R, F of one sequence, pixels weighted by their probability where the truth has it."""
+    sums = PairSums()
+    for frame in clip.frames:
+        sums.add(frame_counts(frame, clip.void))
+    table = sums.table()
+    scores = region_scores(table)
+    return SequenceScore({"F": scores.f, "P": scores.p, "R": scores.r}, int((table.truth != 0).sum()))
+
+
+def f_of_means(means: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    """The means (...,) with F that of the mean P and the mean R, as the evaluator has it."""
+    both = means["P"] + means["R"]
+    return {**means, "F": 2 * means["P"] * means["R"] / np.where(both > 0, both, 1)}
 
 
 def harmonic(p: float, r: float) -> float:

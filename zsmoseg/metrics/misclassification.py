@@ -1,14 +1,13 @@
-"""Scores of labelled track points (KT3DMoSeg, Hopkins155)."""
+"""Misclassification of labelled track points: Hopkins155 (Tron, Vidal 2007), KT3DMoSeg (Xu, Cheong, Li 2018)."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-Labels = NDArray[np.integer[Any]]
+from zsmoseg.metrics.clips import Clip, SequenceScore
+from zsmoseg.metrics.counts import Labels
+from zsmoseg.metrics.votes import PointVotes
 
 
 def classification_error(truth: Labels, prediction: Labels) -> float:
@@ -33,3 +32,14 @@ def classification_error(truth: Labels, prediction: Labels) -> float:
     np.add.at(table, (rows, columns), 1)
     right = int(table[linear_sum_assignment(-table)].sum())
     return 100.0 * (truth.size - right) / truth.size
+
+
+def score_tracks(clip: Clip) -> SequenceScore:
+    """The error of the labels that the masks give the tracks of a clip; its frames are those of the tracks."""
+    tracks = clip.tracks
+    assert tracks is not None
+    votes = PointVotes(tracks.points, tracks.visible)
+    for index, frame in enumerate(clip.frames):
+        votes.add(index, frame.prediction)
+    error = classification_error(tracks.label, votes.labels())
+    return SequenceScore({"error": error}, len(np.unique(tracks.label)))

@@ -32,6 +32,24 @@ def keys(path: Path) -> list[str]:
         raise damaged(path, error) from error
 
 
+def only_key(path: Path, else_: str = "") -> str:
+    """The name of the only array of an .npz; ``""`` for an .npy.
+
+    Parameters
+    ----------
+    else_ : what could be given instead, for the error.
+
+    Raises
+    ------
+    FormatError
+        It holds none or several.
+    """
+    names = [""] if path.suffix.lower() == ".npy" else keys(path)
+    if len(names) != 1:
+        raise FormatError(f"{path}: holds {', '.join(names) or 'nothing'}; give one array{else_}")
+    return names[0]
+
+
 def load(path: Path) -> dict[str, Array]:
     """The arrays of an .npz, or that of an .npy under the name ``""``; objects are refused.
 

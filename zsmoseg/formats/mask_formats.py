@@ -16,11 +16,11 @@ from pathlib import Path
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats.annotations import load_json
-from zsmoseg.formats.arrays import keys
 from zsmoseg.formats.coco import CocoImages
 from zsmoseg.formats.indexed import IndexedFolder
-from zsmoseg.formats.layers import FrameMasks, MaskSource
 from zsmoseg.formats.names import frame_files
+from zsmoseg.formats.npy import keys
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource
 from zsmoseg.formats.volumes import PREFIX, Detections, IdVolume, ProposalFolder
 from zsmoseg.formats.ytvis import Tracks
 

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.errors import DatasetError
+from zsmoseg.errors import DatasetError, FormatError
+from zsmoseg.formats.npy import keys, load
+from zsmoseg.metrics.clips import PointTracks
+
+ARRAYS = ("points", "visible", "label")
 
 
-class Tracks(NamedTuple):
-    """``points`` (tracks, frames, 2) x and y in pixels, ``visible`` (tracks, frames), ``label`` (tracks,) from 1."""
+def holds_tracks(path: Path) -> bool:
+    """Whether an .npz holds point tracks."""
+    try:
+        return set(ARRAYS) <= set(keys(path))
+    except FormatError:
+        return False
 
-    points: NDArray[np.float64]
-    visible: NDArray[np.bool_]
-    label: NDArray[np.int64]
 
-
-def read_tracks(path: Path) -> Tracks:
+def read_tracks(path: Path) -> PointTracks:
     """Read the tracks of one clip.
 
     Raises
@@ -30,8 +33,9 @@ def read_tracks(path: Path) -> Tracks:
     """
     try:
         points, visible, label = _mat(path) if path.suffix == ".mat" else _npz(path)
-    except (OSError, KeyError, IndexError, TypeError, ValueError, zipfile.BadZipFile) as error:
-        raise DatasetError(f"{path}: cannot be read as point tracks ({error})") from error
+    except (FormatError, OSError, KeyError, IndexError, TypeError, ValueError) as error:
+        why = str(error).removeprefix(f"{path}: ")
+        raise DatasetError(f"{path}: cannot be read as point tracks ({why})") from error
     if (
         points.ndim != 3
         or points.shape[2] != 2
@@ -41,12 +45,12 @@ def read_tracks(path: Path) -> Tracks:
         raise DatasetError(
             f"{path}: points {points.shape}, visible {visible.shape} and label {label.shape} do not fit each other"
         )
-    return Tracks(points.astype(np.float64), visible.astype(np.bool_), label.astype(np.int64))
+    return PointTracks(points.astype(np.float64), visible.astype(np.bool_), label.astype(np.int64))
 
 
 def _npz(path: Path) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    with np.load(path, allow_pickle=False) as arrays:
-        return arrays["points"], arrays["visible"], arrays["label"]
+    arrays = load(path)
+    return arrays["points"], arrays["visible"], arrays["label"]
 
 
 def _mat(path: Path) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

@@ -6,10 +6,9 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from zsmoseg.metrics.protocols import PROTOCOLS
 from zsmoseg.workflows.evaluate.scoreboard import FEWEST, Scoreboard, as_json, describe, differences
 
 
@@ -20,11 +19,6 @@ class Table(NamedTuple):
     heads: Sequence[str]
     rows: Sequence[Sequence[str]]
     means: int = 0
-
-
-def render(board: Scoreboard, kind: str) -> str:
-    """The scoreboard in one of ``FORMATS``, with a newline at the end."""
-    return FORMATS[kind](board).rstrip("\n") + "\n"
 
 
 def tables(board: Scoreboard) -> list[Table]:
@@ -38,7 +32,7 @@ def tables(board: Scoreboard) -> list[Table]:
     if published:
         rows = [[r.method, r.labels, *(f"{v:.2f}" for v in r.values), r.source] for r in published]
         title = f"published, not computed here: {board.benchmark}, as printed in the source"
-        found.append(Table(title, ["method", "labels", "Pu", "Ru", "Fu", "source"], rows))
+        found.append(Table(title, ["method", "labels", *board.rules.entry.published, "source"], rows))
     return found
 
 
@@ -87,23 +81,14 @@ def as_json_text(board: Scoreboard) -> str:
     return json.dumps(as_json(board), indent=1, allow_nan=False)
 
 
-FORMATS: dict[str, Callable[[Scoreboard], str]] = {
-    "text": as_text,
-    "csv": as_csv,
-    "json": as_json_text,
-    "markdown": as_markdown,
-    "latex": as_latex,
-}
-
-
 def _about(board: Scoreboard) -> list[tuple[str, str]]:
     return [("protocol", board.rules.protocol), *describe(board).items()]
 
 
 def _method(board: Scoreboard, name: str) -> Table:
     rows = [[s, *_numbers(board, score.values)] for s, score in board.methods[name].items()]
-    means = [[f"mean over {PROTOCOLS[board.rules.protocol].mean}", *_numbers(board, board.mean(name))]]
-    if board.rules.protocol == "moving" and 0 < board.single() < len(rows):
+    means = [[f"mean over {board.rules.entry.mean}", *_numbers(board, board.mean(name))]]
+    if board.rules.entry.one_object and 0 < board.single() < len(rows):
         single = board.mean(name, one_object=True)
         means.append([f"mean of the {board.single()} with one object", *_numbers(board, single)])
     return Table(name, ["sequence", *board.metrics], rows + means, len(means))
@@ -129,7 +114,7 @@ def _numbers(board: Scoreboard, values: dict[str, float]) -> list[str]:
 
 
 def _number(board: Scoreboard, metric: str, value: float, sign: str = "") -> str:
-    digits = 2 if PROTOCOLS[board.rules.protocol].unit == "percent" else 3
+    digits = 2 if board.rules.entry.unit == "percent" else 3
     return "-" if math.isnan(value) else f"{value:{sign}.{digits}f}"
 
 

@@ -7,11 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from zsmoseg.metrics.clips import Times
 from zsmoseg.metrics.counts import PairCounts
 from zsmoseg.metrics.regions import object_j
-
-Times = Mapping[int, Sequence[tuple[int, int]]]
-"""Of each true object, the frame numbers ``start`` to ``stop`` (exclusive) between which it moves."""
 
 
 class MotionScores(NamedTuple):

@@ -1,4 +1,4 @@
-"""FBMS-59: colour-coded regions on some frames, listed in a definition file."""
+"""FBMS-59 (Ochs, Malik, Brox 2014): colour-coded regions on some frames, listed in a definition file."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.datasets.images import read_values
 from zsmoseg.datasets.sequence import Labels, Truth
 from zsmoseg.errors import DatasetError, FormatError
+from zsmoseg.formats.label_images import read_values
 
 
 @dataclass(frozen=True)

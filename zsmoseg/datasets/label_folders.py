@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from zsmoseg.datasets.sequence import Truth, frame_number, numbered
+from zsmoseg.datasets.sequence import Truth, numbered
 from zsmoseg.errors import DatasetError
+from zsmoseg.formats.names import frame_number
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff")
 """Label images; JPEG does not keep ids."""

@@ -1,0 +1,54 @@
+"""Export of ids: one file or folder a video, as DAVIS, the tracks' evaluator, COCO, YouTube-VIS and MOTS have them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from zsmoseg.errors import FormatError
+from zsmoseg.formats.coco import encode_coco
+from zsmoseg.formats.mots import PER_CLASS, encode_mots
+from zsmoseg.formats.npy import write_volume
+from zsmoseg.formats.ytvis import encode_ytvis
+from zsmoseg.painting.palette import encode_png
+from zsmoseg.stores import files
+from zsmoseg.workflows.export.painting import image_names, number_tables, painted
+from zsmoseg.workflows.export.registry import Choice
+from zsmoseg.workflows.result import Result
+
+
+def write_davis(result: Result, path: Path, choice: Choice) -> None:
+    """A palette image a frame."""
+    for name, ids in zip(result.probe.names, painted(result, choice.what, choice.when), strict=True):
+        files.write(path / f"{name}.png", encode_png(ids))
+
+
+def write_npz(result: Result, path: Path, choice: Choice) -> None:
+    """One array (frame, y, x) of uint16."""
+    probe = result.probe
+    shape = (len(probe.times), probe.height, probe.width)
+    write_volume(path, "segmentation", painted(result, choice.what, choice.when), shape, "uint16")
+
+
+def write_coco(result: Result, path: Path, choice: Choice) -> None:
+    """COCO JSON; an id is a ``track_id``."""
+    size = result.probe.height, result.probe.width
+    files.write(path, encode_coco(image_names(result, True), painted(result, choice.what, choice.when), size))
+
+
+def write_ytvis(result: Result, path: Path, choice: Choice) -> None:
+    """YouTube-VIS JSON; an id is that of a track."""
+    size, names = (result.probe.height, result.probe.width), image_names(result, True)
+    files.write(path, encode_ytvis(result.name, names, painted(result, choice.what, choice.when), size))
+
+
+def write_mots(result: Result, path: Path, choice: Choice) -> None:
+    """MOTS text."""
+    files.write(path, encode_mots(painted(result, choice.what, choice.when)))
+
+
+def check_mots(result: Result, choice: Choice) -> None:
+    """Raise ``FormatError`` where there are more objects than MOTS text can number."""
+    if number_tables(result, choice.what, choice.when).max(initial=0) >= PER_CLASS:
+        raise FormatError(
+            f"{result.name}: MOTS text numbers at most {PER_CLASS - 1} objects; use another format"
+        )
