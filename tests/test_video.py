@@ -19,9 +19,9 @@ from PIL import Image, ImageOps
 
 from zsmoseg.errors import SettingsError, VideoError
 from zsmoseg.settings import Video
+from zsmoseg.video.frames import read
 from zsmoseg.video.ignore import read_ignore
 from zsmoseg.video.probe import Excerpt, Probe, probe
-from zsmoseg.video.reading import read
 from zsmoseg.video.sources import fingerprint, natural, sources, stat_signature, unique_names
 
 COUNT = 40

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from zsmoseg.stores.schema import ArraySpec
+from zsmoseg.video.frames import read
 from zsmoseg.video.probe import Probe
-from zsmoseg.video.reading import read
 from zsmoseg.workflows.stage import Left, Stage, Task, working_size
 
 

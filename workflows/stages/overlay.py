@@ -11,8 +11,8 @@ import numpy as np
 
 from zsmoseg.painting.numbers import paint_table
 from zsmoseg.painting.overlay import overlay
+from zsmoseg.video.frames import read
 from zsmoseg.video.probe import Probe
-from zsmoseg.video.reading import read
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
 from zsmoseg.workflows.stages.masks import moving_objects
 

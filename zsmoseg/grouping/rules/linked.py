@@ -104,7 +104,7 @@ def linked_groups(
     """Groups (N,) of the movers, and what belongs to them; 0 = static.
 
     1. Strong objects are clustered (average linkage: Sokal, Michener, "A statistical method for evaluating
-       systematic relationships", 1958) on the cost of one motion for two over what non-rigid parts of one thing
+       systematic relationships", 1958) on the cost of one motion for two over what non-rigid parts of one body
        cost, less where few pairs show both; what goes on in each other counts half whatever its cost.
     2. An open object joins the nearest instance if it is near and, where they are seen together, moves with it
        rather than with the background.
