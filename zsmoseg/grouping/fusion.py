@@ -61,7 +61,7 @@ def fused(views: Sequence[Floats], clusters: int | None = None) -> Floats:
     return np.clip(rows @ rows.T, 0.0, 1.0)
 
 
-def coregularised(affinities: Sequence[Floats], clusters: int) -> Floats:
+def coregularised(affinities: Sequence[Floats], clusters: int, strength: float = STRENGTH) -> Floats:
     """The common embedding (N, views * clusters) of several affinities, rows of length 1.
 
     Each view's eigenvectors are computed again with those of the others added to its affinity, until the sum of
@@ -71,6 +71,7 @@ def coregularised(affinities: Sequence[Floats], clusters: int) -> Floats:
     ----------
     affinities : per view (N, N), symmetric, at least 0.
     clusters : eigenvectors of each view.
+    strength : weight of the other views.
 
     References
     ----------
@@ -83,7 +84,7 @@ def coregularised(affinities: Sequence[Floats], clusters: int) -> Floats:
     for _ in range(ROUNDS):
         for i, view in enumerate(views):
             others = [u @ u.T for j, u in enumerate(vectors) if j != i]
-            vectors[i] = lowest(view - STRENGTH * np.sum(others, axis=0), clusters)
+            vectors[i] = lowest(view - strength * np.sum(others, axis=0), clusters)
         now = sum(float((u * (view @ u)).sum()) for view, u in zip(views, vectors, strict=True))
         if abs(before - now) < SETTLED:
             break
