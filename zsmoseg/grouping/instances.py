@@ -43,10 +43,12 @@ def box_gap(a: Floats, b: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Nearness:
-    """(N, N) distance in units of what is allowed, at most 1 = near; (N, N) whether one goes on in the other."""
+    """How far N objects are from being one instance."""
 
     distance: Floats
+    """(N, N) in units of what is allowed, at most 1 = near; infinite = apart."""
     goes_on: NDArray[np.bool_]
+    """(N, N) whether one goes on in the other."""
 
 
 def nearness(

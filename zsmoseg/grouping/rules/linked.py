@@ -37,10 +37,12 @@ class Membership:
 
 @dataclass(frozen=True)
 class Members:
-    """(N,) objects that make groups, and objects that may join one."""
+    """Which of N objects take part in the grouping."""
 
     strong: NDArray[np.bool_]
+    """(N,) those that make groups."""
     open: NDArray[np.bool_]
+    """(N,) those that may join one."""
 
 
 def members(
@@ -91,7 +93,9 @@ class Facts:
     """What is known of N objects before they are grouped."""
 
     decision: Decision
+    """Which move, and by what evidence."""
     near: Nearness
+    """What is near what."""
     pairs: NDArray[np.int64]
     """(N,) pairs in which an object is seen."""
     support: Floats
