@@ -17,10 +17,10 @@ import numpy as np
 from composites import TEN
 from PIL import Image
 
-from zsmoseg.workflows.stages.motion.groups import Groups
 from zsmoseg.settings import Settings, defaults, resolve
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.running.run import Request, run
+from zsmoseg.workflows.stages.motion.groups import Groups
 
 
 def overlaps(labels: Artifact, truth: Path) -> np.ndarray:

@@ -68,7 +68,8 @@ def pack_text(values: Sequence[str]) -> bytes:
 
 
 def _sealed(content: bytes) -> bytes:
-    return content + google_crc32c.value(content).to_bytes(CRC_BYTES, "little")
+    end: bytes = google_crc32c.value(content).to_bytes(CRC_BYTES, "little")
+    return content + end
 
 
 def metadata(

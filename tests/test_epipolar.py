@@ -12,12 +12,11 @@ from zsmoseg.grouping.affinity import Kernel, accumulate, normalised
 from zsmoseg.grouping.epipolar import (
     LEAST_POINTS,
     epipolar_residuals,
-    hypothesis_residuals,
-    model_errors,
     object_residuals,
-    robust_model,
 )
 from zsmoseg.grouping.fusion import fused
+from zsmoseg.grouping.points import hypothesis_residuals
+from zsmoseg.grouping.robust import model_errors, robust_model
 from zsmoseg.grouping.twoview import CUES, SAMPLE, centred, distances, fit_samples
 from zsmoseg.settings import resolve
 

@@ -18,8 +18,8 @@ STATES: tuple[PairState, ...] = ("ok", "cut", "repeat")
 """Name of each state; stored is its index."""
 
 WINDOW = 7
-"""px, side of the squares whose means a repeat keeps: noise and the traces of a codec vanish in the mean, a small
-thing that moves does not."""
+"""px, side of the squares whose means a repeat keeps: noise and the traces of a codec vanish in the mean, what is small
+and moves does not."""
 FEW = 0.001
 """Part of the squares that may differ by up to twice as much: a codec spoils single blocks."""
 COARSER = 4
@@ -76,11 +76,11 @@ def _unexplained(first: NDArray[np.uint8], second: NDArray[np.uint8], forward: F
     colour. Unknown flow is not lost: it speaks for no cut.
     """
     height, width = (max(1, n // COARSER) for n in first.shape[:2])
-    one, two, there, back = (
+    one, two, ahead, behind = (
         _shrunk(image, (width, height))
         for image in (first, second, np.moveaxis(forward, 0, 2), np.moveaxis(backward, 0, 2))
     )
-    trip = round_trip(np.moveaxis(there, 2, 0), np.moveaxis(back, 2, 0), COARSER)
+    trip = round_trip(np.moveaxis(ahead, 2, 0), np.moveaxis(behind, 2, 0), COARSER)
     known = np.isfinite(trip.error).all(0)
     outside = np.isfinite(trip.end).all(0) & ~trip.inside
     lost = outside | (known & ~closed(trip, LEADS_BACK))

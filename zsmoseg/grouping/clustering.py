@@ -8,12 +8,20 @@ from numpy.typing import NDArray
 from zsmoseg.motion.models import Floats
 
 Labels = NDArray[np.int64]
+TINY = 1e-12
+"""Instead of 0 as divisor, and below which a row is 0."""
+LEAST_WEIGHT = 1e-9
+"""Part of the largest weight that every object has at least: k-means wants none without."""
+STARTS = 20
+"""Random starts of k-means, of which the best is taken."""
+DIGITS = 9
+"""Of rows that count: rows that differ by rounding are equal."""
 
 
 def average_linkage(distance: Floats, weight: Floats, clusters: int | None = None) -> Labels:
-    """Groups 1.. by falling weight.
+    """Groups (k,) 1.. by falling weight: average linkage.
 
-    The two groups with the smallest weighted mean distance are joined while it is at most 1, or until there are
+    Sokal, Michener, "A statistical method for evaluating systematic relationships", 1958, with weights. The two groups with the smallest weighted mean distance are joined while it is at most 1, or until there are
     ``clusters`` groups. A distance that is not finite is unknown and does not count.
 
     Parameters
@@ -54,7 +62,9 @@ def by_weight(member: NDArray[np.integer], weight: Floats) -> Labels:
 
 
 def spectral(affinity: Floats, clusters: int, weight: Floats | None = None) -> tuple[Labels, Floats]:
-    """Normalised spectral clustering with rows of length 1 (Ng, Jordan, Weiss 2002).
+    """Normalised spectral clustering with rows of length 1.
+
+    Ng, Jordan, Weiss, "On spectral clustering: analysis and an algorithm", NIPS 2002.
 
     With ``weight`` every object counts as that many equal copies of itself. An object without any affinity is
     a component of its own. There are as many clusters as asked for, if there are as many objects.
@@ -64,7 +74,7 @@ def spectral(affinity: Floats, clusters: int, weight: Floats | None = None) -> t
     labels (N,), eigenvalues (N,) of the normalised affinity, the largest first.
     """
     count = len(affinity)
-    w = np.ones(count) if weight is None else np.maximum(weight / max(weight.max(), 1e-12), 1e-9)
+    w = np.ones(count) if weight is None else np.maximum(weight / max(weight.max(), TINY), LEAST_WEIGHT)
     degree = affinity @ w
     scale = np.sqrt(w / np.where(degree > 0, degree, np.inf))
     matrix = scale[:, None] * affinity * scale
@@ -76,18 +86,18 @@ def spectral(affinity: Floats, clusters: int, weight: Floats | None = None) -> t
         return np.zeros(count, np.int64), values[order]
     rows = vectors[:, order[:clusters]]
     length = np.linalg.norm(rows, axis=1, keepdims=True)
-    rows = np.where(length > 1e-12, rows / np.maximum(length, 1e-12), 0.0)
+    rows = np.where(length > TINY, rows / np.maximum(length, TINY), 0.0)
     return k_means(rows, min(clusters, count), w), values[order]
 
 
 def k_means(rows: Floats, clusters: int, weight: Floats) -> Labels:
-    """Exactly ``clusters`` clusters of ``rows`` (N, d); equal rows are parted only if they must be."""
+    """Exactly ``clusters`` clusters (N,) of ``rows`` (N, d); equal rows are parted only if they must be."""
     from sklearn.cluster import KMeans
 
-    different, label = np.unique(np.round(rows, 9), axis=0, return_inverse=True)
+    different, label = np.unique(np.round(rows, DIGITS), axis=0, return_inverse=True)
     label = label.reshape(-1).astype(np.int64)
     if len(different) > clusters:
-        found = KMeans(clusters, n_init=20, random_state=0).fit(rows, sample_weight=weight)
+        found = KMeans(clusters, n_init=STARTS, random_state=0).fit(rows, sample_weight=weight)
         label = found.labels_.astype(np.int64)
     while len(np.unique(label)) < clusters:
         names, members = np.unique(label, return_counts=True)
@@ -100,4 +110,4 @@ def agreement(affinity: Floats, label: Labels, weight: Floats) -> float:
     sign = np.where(label[:, None] == label[None, :], 1.0, -1.0)
     w = weight[:, None] * weight[None, :]
     np.fill_diagonal(w, 0.0)
-    return float((sign * (2 * affinity - 1) * w).sum() / max(w.sum(), 1e-12))
+    return float((sign * (2 * affinity - 1) * w).sum() / max(w.sum(), TINY))

@@ -25,8 +25,11 @@ class Core:
     """Parameters of the core, each named after the section of the settings that it comes from."""
 
     statistics: Sums
+    """Which pixels are summed."""
     affinity: Kernel
+    """How residuals become agreement."""
     groups: Grouping
+    """How objects are grouped."""
 
 
 def shot_grams(

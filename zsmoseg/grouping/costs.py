@@ -31,7 +31,7 @@ class Costs:
     together: Floats
     """px, rms cost of one motion for both; infinite where never together."""
     tolerance: Floats
-    """px, what non-rigid parts of one thing cost."""
+    """px, what non-rigid parts of one body cost."""
     pairs: Floats
     """Number of such pairs."""
 

@@ -1,4 +1,4 @@
-"""Several affinities of the same things made one: sum, or embeddings that are drawn towards each other."""
+"""Several affinities of the same objects or points made one: sum, or embeddings that are drawn towards each other."""
 
 from __future__ import annotations
 
@@ -12,9 +12,19 @@ from zsmoseg.motion.models import Floats
 
 ISOLATED = 1e-16
 """Added to every affinity, so that what is like nothing has a degree."""
+POWER = 10.0
+"""That affinities are raised to before the gaps of a row are compared: Xu, Cheong, Li find 5 to 15 good, 10 best."""
+STRENGTH, ROUNDS = 0.01, 15
+"""Weight of the other views in co-regularisation, the value of Xu, Cheong, Li; and rounds at most."""
+SETTLED = 1e-6
+"""Change of the sum of traces from which on rounds change nothing."""
+TINY = 1e-12
+"""Instead of 0 as divisor."""
+LEAST_EIGENVALUE = 1e-9
+"""Below it an eigenvalue is 0 but for rounding."""
 
 
-def sparsify(affinity: Floats, power: float = 10.0) -> Floats:
+def sparsify(affinity: Floats) -> Floats:
     """Keep what stands out of each row: (N, N), symmetric, entries kept, halved or 0.
 
     Adaptive: an entry is kept where the logarithm of its distance to the row's largest, as a share of all such
@@ -23,9 +33,9 @@ def sparsify(affinity: Floats, power: float = 10.0) -> Floats:
     References
     ----------
     Lai, Wang, Yan, Wang, Zou, "Motion segmentation via a sparsity constraint", IEEE T-ITS 2017, as used by Xu,
-    Cheong, Li, CVPR 2018, who find powers of 5 to 15 good and 10 best.
+    Cheong, Li, CVPR 2018.
     """
-    raised = affinity**power
+    raised = affinity**POWER
     gap = raised.max(1, keepdims=True) - raised
     share = gap / np.maximum(gap.sum(1, keepdims=True), np.finfo(float).tiny)
     logarithm = np.log(share + np.finfo(float).eps)
@@ -34,7 +44,7 @@ def sparsify(affinity: Floats, power: float = 10.0) -> Floats:
 
 
 def fused(views: Sequence[Floats], clusters: int | None = None) -> Floats:
-    """One affinity (N, N), 0 to 1, of several of the same things: sum, or co-regularised if ``clusters`` is given.
+    """One affinity (N, N), 0 to 1, of several of the same objects: sum, or co-regularised if ``clusters`` is given.
 
     Each is sparsified first: what two views both find weak would otherwise add up to a floor under everything.
 
@@ -51,9 +61,7 @@ def fused(views: Sequence[Floats], clusters: int | None = None) -> Floats:
     return np.clip(rows @ rows.T, 0.0, 1.0)
 
 
-def coregularised(
-    affinities: Sequence[Floats], clusters: int, strength: float = 0.01, rounds: int = 15
-) -> Floats:
+def coregularised(affinities: Sequence[Floats], clusters: int, strength: float = STRENGTH) -> Floats:
     """The common embedding (N, views * clusters) of several affinities, rows of length 1.
 
     Each view's eigenvectors are computed again with those of the others added to its affinity, until the sum of
@@ -62,7 +70,8 @@ def coregularised(
     Parameters
     ----------
     affinities : per view (N, N), symmetric, at least 0.
-    strength : weight of the other views; 0.01 is the value of Xu, Cheong, Li.
+    clusters : eigenvectors of each view.
+    strength : weight of the other views.
 
     References
     ----------
@@ -72,12 +81,12 @@ def coregularised(
     views = [laplacian(a) for a in affinities]
     vectors = [lowest(view, clusters) for view in views]
     before = np.inf
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         for i, view in enumerate(views):
             others = [u @ u.T for j, u in enumerate(vectors) if j != i]
             vectors[i] = lowest(view - strength * np.sum(others, axis=0), clusters)
         now = sum(float((u * (view @ u)).sum()) for view, u in zip(views, vectors, strict=True))
-        if abs(before - now) < 1e-6:
+        if abs(before - now) < SETTLED:
             break
         before = now
     return unit_rows(np.concatenate([unit_rows(u) for u in vectors], axis=1))
@@ -96,14 +105,14 @@ def laplacian(affinity: Floats) -> Floats:
 
 
 def lowest(matrix: Floats, count: int) -> Floats:
-    """Eigenvectors (N, count) of the smallest eigenvalues; fewer columns if there are fewer things."""
+    """Eigenvectors (N, count) of the smallest eigenvalues; fewer columns if there are fewer rows."""
     last = min(count, len(matrix)) - 1
     return np.asarray(eigh(matrix, subset_by_index=[0, last])[1])
 
 
 def unit_rows(rows: Floats) -> Floats:
     """Rows of length 1; rows of 0 stay."""
-    return np.asarray(rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-12))
+    return np.asarray(rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), TINY))
 
 
 def count_groups(affinity: Floats, most: int = 10) -> int:
@@ -114,7 +123,9 @@ def count_groups(affinity: Floats, most: int = 10) -> int:
     last = min(most, len(affinity) - 1)
     if last < 2:
         return len(affinity)
-    values = np.maximum(eigh(laplacian(affinity), eigvals_only=True, subset_by_index=[1, last]), 1e-9)
+    values = np.maximum(
+        eigh(laplacian(affinity), eigvals_only=True, subset_by_index=[1, last]), LEAST_EIGENVALUE
+    )
     return 2 + int((values[1:] / values[:-1]).argmax())
 
 
@@ -140,7 +151,7 @@ def merged(affinity: Floats, segment: NDArray[np.int64], groups: int) -> NDArray
     alive = np.flatnonzero(size)
     while len(alive) > groups:
         mean = total[np.ix_(alive, alive)] / (size[alive][:, None] * size[alive])
-        within = np.maximum(np.diagonal(mean), 1e-12)
+        within = np.maximum(np.diagonal(mean), TINY)
         ratio = mean / np.minimum(within[:, None], within)
         np.fill_diagonal(ratio, -1.0)
         first, second = alive[list(divmod(int(ratio.argmax()), len(alive)))]

@@ -38,11 +38,17 @@ class Grouping:
     visible: float
     """Image error of the world's motion over that of the flow below which nothing visibly moves."""
     thresholds: Thresholds
+    """Which objects move."""
     membership: Membership
+    """Which movers make groups, and who may join one."""
     sameness: Sameness
+    """What one motion for two may cost."""
     linking: Linking
+    """What may lie between two objects that are one instance."""
     spectral: Spectral
+    """How the affinity is cut."""
     hysteresis: Hysteresis
+    """When a mover rests."""
 
 
 @dataclass(frozen=True)

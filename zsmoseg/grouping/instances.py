@@ -1,4 +1,4 @@
-"""Objects that are one instance of a thing: an id that broke and came back, a limb that came off.
+"""Objects that are one and the same instance: an id that broke and came back, a limb that came off.
 
 Objects are near by place, time and colour; one goes on in another where it ends beside it in the open. The
 decision is made on the objects; what linking adds is which of the movers are one instance, and which objects with too
@@ -43,10 +43,12 @@ def box_gap(a: Floats, b: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Nearness:
-    """(N, N) distance in units of what is allowed, at most 1 = near; (N, N) whether one goes on in the other."""
+    """How far N objects are from being one instance."""
 
     distance: Floats
+    """(N, N) in units of what is allowed, at most 1 = near; infinite = apart."""
     goes_on: NDArray[np.bool_]
+    """(N, N) whether one goes on in the other."""
 
 
 def nearness(
@@ -145,7 +147,7 @@ def _apart(a: _Life, b: _Life, linking: Linking) -> tuple[float, bool]:
     if not 0 < frames <= linking.gap or (frames > 1 and not a.alike(b, linking.colour)):
         return np.inf, False
     end, start = a.box[a.last], b.box[b.first]
-    ahead = box_gap(end + frames * a.velocity[1], start)
-    back = box_gap(end, start - frames * b.velocity[0])
-    gap = min(float(ahead), float(back))
+    onward = box_gap(end + frames * a.velocity[1], start)
+    backdated = box_gap(end, start - frames * b.velocity[0])
+    gap = min(float(onward), float(backdated))
     return gap / max(limit, TINY), gap <= limit

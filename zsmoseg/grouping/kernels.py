@@ -60,9 +60,9 @@ def inlier(residual: Floats, pixels: Floats, factor: float, floor: float) -> Flo
 
 
 def shared_choices(residual: Floats, share: float) -> Floats:
-    """Part of the hypotheses that two things choose both, 0 to 1: the truncated kernel of rectangular residuals.
+    """Part of the hypotheses that two points choose both, 0 to 1: the truncated kernel of rectangular residuals.
 
-    Each thing chooses the ``share`` of the hypotheses that explain it best; hypotheses need not be things
+    Each point chooses the ``share`` of the hypotheses that explain it best; hypotheses need not be points
     themselves (Xu, Cheong, Li 2018 after Chin, Wang, Suter 2009). Equals ``ordered`` by columns over the choices.
 
     Parameters

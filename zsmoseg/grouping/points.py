@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.grouping.clustering import k_means
-from zsmoseg.grouping.epipolar import hypothesis_residuals
 from zsmoseg.grouping.fusion import coregularised, embedding, merged, sparsify
 from zsmoseg.grouping.kernels import shared_choices
-from zsmoseg.grouping.twoview import SAMPLE, Cue
+from zsmoseg.grouping.twoview import SAMPLE, Cue, centred, distances, fit_samples
 from zsmoseg.motion.models import Floats
 
 HYPOTHESES = 500
@@ -51,6 +50,23 @@ def cue_affinity(points: Floats, visible: NDArray[np.bool_], cue: Cue, gaps: Seq
             agreement[at] += shared_choices(residual, SHARE)
             together[at] += 1.0
     return np.asarray(agreement / (together + DAMPING))
+
+
+def hypothesis_residuals(
+    cue: Cue, first: Floats, second: Floats, count: int, seed: tuple[int, ...]
+) -> Floats:
+    """Squared distances (count, N) of point pairs from models of random samples of them.
+
+    Parameters
+    ----------
+    first, second : (N, 2) the points in either frame, more than ``SAMPLE[cue]``; any unit.
+    seed : numbers of the pair: the same samples whenever it is asked again.
+    """
+    a, b = centred(first.astype(np.float64)), centred(second.astype(np.float64))
+    size = SAMPLE[cue]
+    order = np.random.default_rng(seed).random((count, len(a)))
+    sample = np.argpartition(order, size - 1, axis=1)[:, :size]
+    return distances(cue, fit_samples(cue, a[sample], b[sample]), a, b)
 
 
 def combined(affinities: Mapping[str, Floats]) -> Floats:

@@ -37,7 +37,8 @@ def gram_matrices(slot: Array, x: Array, y: Array, q: Array, u: Array, v: Array,
             while c < width and slot[r, c] == n:
                 c += 1
             if n >= 0:
-                _add_run(gram[n], x[start:c], y[r], q[r, start:c], u[r, start:c], v[r, start:c])
+                sums = _run_sums(x[start:c], q[r, start:c], u[r, start:c], v[r, start:c])
+                _add_run(gram[n], y[r], sums)
     for n in range(count):
         for i in range(SIZE):
             for j in range(i):
@@ -46,8 +47,10 @@ def gram_matrices(slot: Array, x: Array, y: Array, q: Array, u: Array, v: Array,
 
 
 @nb.njit(cache=True)
-def _add_run(gram: Array, x: Array, y: float, q: Array, u: Array, v: Array) -> None:
-    """Add one run to the upper triangle of the Gram matrix of its slot."""
+def _run_sums(x: Array, q: Array, u: Array, v: Array) -> tuple[float, ...]:
+    """Sums along one run: of powers of x (5), times q (4), times q^2 (3), times u and v (6), times q u and q v (4),
+    of u^2, v^2 and u v.
+    """
     x0 = x1 = x2 = x3 = x4 = 0.0
     q0 = q1 = q2 = q3 = 0.0
     p0 = p1 = p2 = 0.0
@@ -85,6 +88,15 @@ def _add_run(gram: Array, x: Array, y: float, q: Array, u: Array, v: Array) -> N
         uu += f * f
         vv += g * g
         uv += f * g
+    return (
+        x0, x1, x2, x3, x4, q0, q1, q2, q3, p0, p1, p2, u0, u1, u2, v0, v1, v2, s0, s1, t0, t1, uu, vv, uv,
+    )  # fmt: skip
+
+
+@nb.njit(cache=True)
+def _add_run(gram: Array, y: float, sums: tuple[float, ...]) -> None:
+    """Add the sums of one run to the upper triangle of the Gram matrix of its slot."""
+    x0, x1, x2, x3, x4, q0, q1, q2, q3, p0, p1, p2, u0, u1, u2, v0, v1, v2, s0, s1, t0, t1, uu, vv, uv = sums
     z = y * y
     w = z * y
     # in the order of MONOMIALS

@@ -98,7 +98,7 @@ def cell_grid(shape: tuple[int, ...], rows: int, columns: int) -> Slots:
 def without_borders(slot: Slots, radius: int) -> NDArray[np.bool_]:
     """(h, w) true within ``radius`` px of a boundary between objects.
 
-    Flow and mask belong to different things there. An object that would lose more than three quarters of its
+    Flow and mask belong to different objects there. An object that would lose more than three quarters of its
     pixels keeps them all.
     """
     if radius == 0:
@@ -114,7 +114,7 @@ def without_borders(slot: Slots, radius: int) -> NDArray[np.bool_]:
 def _unclosed(
     forward: Flow, backward: Flow, objects: NDArray[np.bool_], parameters: Sums
 ) -> NDArray[np.bool_]:
-    """(h, w) true where the flow does not lead back: hidden in the next frame, or wrong, as beside a fast thing.
+    """(h, w) true where the flow does not lead back: hidden in the next frame, or wrong, as beside something fast.
 
     Where it leads back on none of the ``objects`` (h, w), all of those keep their pixels.
     """

@@ -17,7 +17,7 @@ class Statistics(Section):
     )
     closure: float = setting(
         0.5,
-        "pixels whose flow there and back ends farther than this from where it began are left out ...",
+        "pixels whose flow forward and backward ends farther than this from where it began are left out ...",
         "px",
         gt=0,
     )
@@ -154,9 +154,11 @@ class Groups(Section):
     same_own: float = setting(0.65, "... plus this part of their own residual: limbs are not rigid", ge=0)
     share: float = setting(0.02, "pixels of the largest mover that make a group of its own", ge=0, le=1)
     least_pairs: int = setting(2, "fewer pairs than this prove nothing", "pairs", ge=1)
-    weak: float = setting(0.5, "part of the threshold above which a hidden thing may come back", ge=0, le=1)
+    weak: float = setting(
+        0.5, "part of the threshold above which a hidden instance may come back", ge=0, le=1
+    )
     reach: float = setting(1.0, "near: boxes closer than this many sizes of the larger object", ge=0)
-    gap: int = setting(12, "frames that a thing may be out of sight", "frames", ge=1)
+    gap: int = setting(12, "frames that an instance may be out of sight", "frames", ge=1)
     colour: float = setting(0.5, "histogram intersection that bridges a gap", ge=0, le=1)
     overlap: float = setting(
         0.5, "part of its life up to which an object may be seen beside its successor", ge=0, le=1

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import SettingsError, VideoError
-from zsmoseg.video.images import pixels
+from zsmoseg.video.pixels import pixels
 
 
 def read_ignore(path: str, height: int, width: int) -> NDArray[np.bool_]:

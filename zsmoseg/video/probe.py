@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from zsmoseg.errors import VideoError
-from zsmoseg.video.images import image_size
 from zsmoseg.video.index import index
+from zsmoseg.video.pixels import image_size
 from zsmoseg.video.sources import image_files
 
 EARLY = 1e-9
@@ -56,11 +56,6 @@ class Probe:
     """Of the used frames among all frames of the source."""
     total: int = 0
     """Frames of the source, used or not."""
-
-    @property
-    def kind(self) -> str:
-        """``images`` or ``file``."""
-        return "images" if self.files else "file"
 
     def to_json(self) -> dict[str, Any]:
         """As JSON."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from zsmoseg import settings
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
-from zsmoseg.video.reading import read
+from zsmoseg.video.frames import read
 from zsmoseg.workflows.stage import Part, Stage, working_size
 
 

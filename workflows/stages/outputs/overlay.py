@@ -15,8 +15,8 @@ from zsmoseg import settings
 from zsmoseg.painting.numbers import paint_table
 from zsmoseg.painting.overlay import overlay
 from zsmoseg.stores import files
+from zsmoseg.video.frames import read
 from zsmoseg.video.probe import Probe
-from zsmoseg.video.reading import read
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects

@@ -37,10 +37,12 @@ class Membership:
 
 @dataclass(frozen=True)
 class Members:
-    """(N,) objects that make groups, and objects that may join one."""
+    """Which of N objects take part in the grouping."""
 
     strong: NDArray[np.bool_]
+    """(N,) those that make groups."""
     open: NDArray[np.bool_]
+    """(N,) those that may join one."""
 
 
 def members(
@@ -91,7 +93,9 @@ class Facts:
     """What is known of N objects before they are grouped."""
 
     decision: Decision
+    """Which move, and by what evidence."""
     near: Nearness
+    """What is near what."""
     pairs: NDArray[np.int64]
     """(N,) pairs in which an object is seen."""
     support: Floats
@@ -104,7 +108,7 @@ def linked_groups(
     """Groups (N,) of the movers, and what belongs to them; 0 = static.
 
     1. Strong objects are clustered (average linkage: Sokal, Michener, "A statistical method for evaluating
-       systematic relationships", 1958) on the cost of one motion for two over what non-rigid parts of one thing
+       systematic relationships", 1958) on the cost of one motion for two over what non-rigid parts of one body
        cost, less where few pairs show both; what goes on in each other counts half whatever its cost.
     2. An open object joins the nearest instance if it is near and, where they are seen together, moves with it
        rather than with the background.

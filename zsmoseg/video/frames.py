@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import VideoError
 from zsmoseg.video.decoding import decoder
-from zsmoseg.video.images import pixels, unreadable
+from zsmoseg.video.pixels import pixels, unreadable
 from zsmoseg.video.probe import Probe
 
 TO_8_BIT = 257
