@@ -41,7 +41,8 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.errors import SettingsError
     from zsmoseg.settings import resolve
     from zsmoseg.stores.location import Store
-    from zsmoseg.workflows.imports import KINDS, remember
+    from zsmoseg.workflows.imports.record import remember
+    from zsmoseg.workflows.imports.settling import KINDS
     from zsmoseg.workflows.running.progress import make_watcher
     from zsmoseg.workflows.running.run import Request, run
 

@@ -16,7 +16,9 @@ from zsmoseg.stores.keys import key as artifact_key
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.output import Output
 from zsmoseg.video.probe import Probe
-from zsmoseg.workflows import imports
+from zsmoseg.workflows.imports.files import check
+from zsmoseg.workflows.imports.record import Brought
+from zsmoseg.workflows.imports.settling import settle
 from zsmoseg.workflows.stage import ALL, Stage, working_size
 from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
 
@@ -68,7 +70,7 @@ class VideoPlan:
     stages: dict[str, StagePlan]
     output: Output
     graph: str = "embedded-flow"
-    brought: Mapping[str, imports.Brought] = field(default_factory=dict)
+    brought: Mapping[str, Brought] = field(default_factory=dict)
 
     @property
     def files(self) -> list[str]:
@@ -121,7 +123,7 @@ def plan_video(
     OutputError
         The output folder is not ours.
     """
-    settings, brought = imports.settle(settings, store, name, video, alone)
+    settings, brought = settle(settings, store, name, video, alone)
     graph = graph_of(settings)
     stages = GRAPHS[graph]
     for option, value in [("--from", start_from), *(("--until", stage) for stage in until)]:
@@ -141,7 +143,7 @@ def plan_video(
     for kind in brought:
         if kind in plan.stages and plan.stages[kind].todo:
             grid = working_size(probe, settings.frames.width)
-            imports.check(store, kind, brought[kind], getattr(settings, kind), probe, grid)
+            check(store, kind, brought[kind], getattr(settings, kind), probe, grid)
     return plan
 
 

@@ -1,14 +1,8 @@
-"""Masks, flow and depth that users bring: where they are for each video, whether they fit, what was brought before.
-
-``zsmoseg import`` notes in ``VIDEO/imports.json`` what it brought, and a later run with ``source = auto`` takes
-that. In a key the fingerprint of the files stands for their path.
-"""
+"""What is in the files that are brought, for the frames of a video; all of them read before anything is imported."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,139 +11,19 @@ from numpy.typing import NDArray
 
 from zsmoseg import settings as sections
 from zsmoseg.depth.relative import relative
-from zsmoseg.errors import FormatError, SettingsError, StoreError
+from zsmoseg.errors import FormatError
 from zsmoseg.flow.warp import inverted, resized
 from zsmoseg.formats.depth import DepthSource, inverse_depth, open_depth
 from zsmoseg.formats.flow import FlowSource, open_flow
-from zsmoseg.formats.mask_formats import FrameMasks, MaskSource, open_masks
-from zsmoseg.formats.names import find_for_video, match_frames
+from zsmoseg.formats.mask_formats import open_masks
+from zsmoseg.formats.names import match_frames
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.records import read_record, write_record
 from zsmoseg.video.probe import Probe
 from zsmoseg.video.sources import image_files, title
-
-KINDS = {"proposals": "embedded", "flow": "dis", "depth": "constant"}
-"""What can be brought, and what ``auto`` means without an import."""
-RECORD = "imports.json"
+from zsmoseg.workflows.imports.record import Brought, fingerprint
 
 
-@dataclass(frozen=True)
-class Brought:
-    """One cue that was brought for a video."""
-
-    path: str
-    fingerprint: str
-    kind: str = ""
-
-
-def brought_before(store: Store, video: str) -> dict[str, Brought]:
-    """What ``zsmoseg import`` brought for a video of the store, by kind.
-
-    Raises
-    ------
-    StoreError
-        The record of it is damaged: without it other cues would be used.
-    """
-    path = store.video(video).path / RECORD
-    found = read_record(path)
-    if found is None and path.exists():
-        raise StoreError(
-            f"{path}: is damaged; zsmoseg import again what you had imported, or remove the file"
-        )
-    return {name: Brought(**entry) for name, entry in (found or {}).items()}
-
-
-def remember(store: Store, video: str, brought: Mapping[str, Brought]) -> None:
-    """Note what was brought; what was brought before of the same kind gives way."""
-    known = {**brought_before(store, video), **brought}
-    write_record(store.video(video).path / RECORD, {name: asdict(entry) for name, entry in known.items()})
-
-
-def settle(
-    settings: sections.Settings, store: Store, name: str, video: str, alone: bool = True
-) -> tuple[sections.Settings, dict[str, Brought]]:
-    """The settings for one video, with every ``auto`` source decided, and what is brought.
-
-    Files of one video are no files of several: unless the video is ``alone``, a path must hold something for it.
-
-    Raises
-    ------
-    SettingsError
-        A path whose source says otherwise; ``imported`` where nothing was; depth without the word for it.
-    FormatError
-        Nothing for this video at the path.
-    """
-    before = brought_before(store, video)
-    brought: dict[str, Brought] = {}
-    update: dict[str, Any] = {}
-    for kind, plain in KINDS.items():
-        section = getattr(settings, kind)
-        found = _brought(section, kind, store, name, before.get(kind), alone)
-        if found is None:
-            update[kind] = section.model_copy(
-                update={"source": plain if section.source == "auto" else section.source}
-            )
-        else:
-            brought[kind] = found
-            told = {"kind": found.kind} if "kind" in type(section).model_fields else {}
-            update[kind] = section.model_copy(update={"source": "imported", "path": found.path, **told})
-    if "flow" in brought and settings.video.every != 1:
-        raise SettingsError(
-            f"video.every = {settings.video.every}: imported flow leads from each frame to the next; use --every 1"
-        )
-    depth = update["depth"].source != "constant"
-    update["motion"] = settings.motion.model_copy(update={"model": settings.motion.chosen(depth)})
-    return settings.model_copy(update=update), brought
-
-
-def _brought(
-    section: Any, kind: str, store: Store, name: str, before: Brought | None, alone: bool
-) -> Brought | None:
-    if section.source not in ("auto", "imported"):
-        if section.path:
-            raise SettingsError(
-                f"{kind}.path is given but {kind}.source = {section.source}; leave one of them out"
-            )
-        return None
-    if not section.path:
-        if section.source == "imported" and before is None:
-            raise SettingsError(
-                f"{kind}.source = imported: nothing was imported for {name}; give --{kind} PATH, or zsmoseg import first"
-            )
-        return before
-    if kind == "depth" and not section.kind:
-        raise SettingsError(
-            f"{section.path}: say what the numbers are: --depth-is depth (larger = farther) or inverse-depth"
-        )
-    path = find_for_video(Path(section.path), name).absolute()
-    if not alone and path == Path(section.path).absolute() and path.suffix != ".json":
-        raise FormatError(
-            f"{section.path}: holds nothing for {name}; with several videos it must hold one entry for each"
-        )
-    word = getattr(section, "kind", "")
-    if word == "auto":
-        word = "ids" if open_masks(path, name).ids else "masks"
-    return Brought(str(path), fingerprint(store, path), word)
-
-
-def fingerprint(store: Store, path: Path) -> str:
-    """Hash of names and content of a file or folder; known again while no file was touched."""
-    files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-    stats = [(str(p), s.st_size, s.st_mtime_ns, s.st_ino) for p in files for s in [p.stat()]]
-
-    def compute() -> str:
-        whole = hashlib.sha256()
-        for file in files:
-            with file.open("rb") as stream:
-                whole.update(
-                    f"{file.relative_to(path.parent)} {hashlib.file_digest(stream, 'sha256').hexdigest()}\n".encode()
-                )
-        return whole.hexdigest()[:20]
-
-    return store.fingerprint_of(f"import {stats}", compute)
-
-
-# ------------------------------------------------------------------ what is in the files
 def masks_of(s: sections.Proposals, probe: Probe, start: int, stop: int) -> Iterator[FrameMasks | None]:
     """The masks of the frames ``start`` to ``stop - 1``, at the displayed size; None where a frame has none.
 

@@ -1,0 +1,83 @@
+"""The settings of one video, with every ``auto`` source decided by what is brought for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from zsmoseg.errors import FormatError, SettingsError
+from zsmoseg.formats.mask_formats import open_masks
+from zsmoseg.formats.names import find_for_video
+from zsmoseg.settings import Settings
+from zsmoseg.stores.location import Store
+from zsmoseg.workflows.imports.record import Brought, brought_before, fingerprint
+
+KINDS = {"proposals": "embedded", "flow": "dis", "depth": "constant"}
+"""What can be brought, and what ``auto`` means without an import."""
+
+
+def settle(
+    settings: Settings, store: Store, name: str, video: str, alone: bool = True
+) -> tuple[Settings, dict[str, Brought]]:
+    """The settings for one video, with every ``auto`` source decided, and what is brought.
+
+    Files of one video are no files of several: unless the video is ``alone``, a path must hold something for it.
+
+    Raises
+    ------
+    SettingsError
+        A path whose source says otherwise; ``imported`` where nothing was; depth without the word for it.
+    FormatError
+        Nothing for this video at the path.
+    """
+    before = brought_before(store, video)
+    brought: dict[str, Brought] = {}
+    update: dict[str, Any] = {}
+    for kind, plain in KINDS.items():
+        section = getattr(settings, kind)
+        found = _brought(section, kind, store, name, before.get(kind), alone)
+        if found is None:
+            update[kind] = section.model_copy(
+                update={"source": plain if section.source == "auto" else section.source}
+            )
+        else:
+            brought[kind] = found
+            told = {"kind": found.kind} if "kind" in type(section).model_fields else {}
+            update[kind] = section.model_copy(update={"source": "imported", "path": found.path, **told})
+    if "flow" in brought and settings.video.every != 1:
+        raise SettingsError(
+            f"video.every = {settings.video.every}: imported flow leads from each frame to the next; use --every 1"
+        )
+    depth = update["depth"].source != "constant"
+    update["motion"] = settings.motion.model_copy(update={"model": settings.motion.chosen(depth)})
+    return settings.model_copy(update=update), brought
+
+
+def _brought(
+    section: Any, kind: str, store: Store, name: str, before: Brought | None, alone: bool
+) -> Brought | None:
+    if section.source not in ("auto", "imported"):
+        if section.path:
+            raise SettingsError(
+                f"{kind}.path is given but {kind}.source = {section.source}; leave one of them out"
+            )
+        return None
+    if not section.path:
+        if section.source == "imported" and before is None:
+            raise SettingsError(
+                f"{kind}.source = imported: nothing was imported for {name}; give --{kind} PATH, or zsmoseg import first"
+            )
+        return before
+    if kind == "depth" and not section.kind:
+        raise SettingsError(
+            f"{section.path}: say what the numbers are: --depth-is depth (larger = farther) or inverse-depth"
+        )
+    path = find_for_video(Path(section.path), name).absolute()
+    if not alone and path == Path(section.path).absolute() and path.suffix != ".json":
+        raise FormatError(
+            f"{section.path}: holds nothing for {name}; with several videos it must hold one entry for each"
+        )
+    word = getattr(section, "kind", "")
+    if word == "auto":
+        word = "ids" if open_masks(path, name).ids else "masks"
+    return Brought(str(path), fingerprint(store, path), word)
