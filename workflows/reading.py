@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.flow import CUT
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.tables import CUT
 
 
 def overlapping(artifact: Artifact, start: int, stop: int) -> Iterator[tuple[int, int, int]]:
@@ -20,7 +20,7 @@ def overlapping(artifact: Artifact, start: int, stop: int) -> Iterator[tuple[int
 
 
 def read_states(flow: Artifact, start: int, stop: int) -> NDArray[np.uint8]:
-    """State of the pairs ``start`` to ``stop - 1`` (``zsmoseg.tables.STATES``)."""
+    """State of the pairs ``start`` to ``stop - 1`` (``zsmoseg.flow.STATES``)."""
     parts = [
         flow.read_table(i)["state"][max(start - a, 0) : max(stop - a, 0)]
         for i, a, _ in overlapping(flow, start, stop)

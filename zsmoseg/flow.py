@@ -146,3 +146,9 @@ def _shrunk(image: NDArray[Any], size: tuple[int, int]) -> NDArray[np.float32]:
     """(channels, h, w) of an image (h, w, channels) at another width and height."""
     small = cv2.resize(np.ascontiguousarray(image), size, interpolation=cv2.INTER_AREA)
     return np.moveaxis(small.astype(np.float32), 2, 0)
+
+
+STATES: tuple[PairState, ...] = ("ok", "cut", "repeat")
+"""A pair's state is stored as its place here."""
+CUT, REPEAT = 1, 2
+"""Places in ``STATES``."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import __version__
-from zsmoseg.tables import STATES
+from zsmoseg.flow import STATES
 from zsmoseg.workflows.reading import read_states
 from zsmoseg.workflows.result import BLOCK, Result
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from zsmoseg import flow
 from zsmoseg.stores.schema import ArraySpec
-from zsmoseg.tables import STATES
 from zsmoseg.video import Probe
 from zsmoseg.workflows.imports import flow_of
 from zsmoseg.workflows.stage import Left, Stage, Task, working_size
@@ -43,7 +42,7 @@ def task(task: Task) -> Left:
     for (a, b), (there, back) in zip(pairwise(frames), _pairs(task, frames), strict=True):
         forward.append(there)
         backward.append(back)
-        states.append(STATES.index(flow.pair_state(a, b, there, back, task.settings.flow)))
+        states.append(flow.STATES.index(flow.pair_state(a, b, there, back, task.settings.flow)))
     grid = task.grid
     state = np.array(states, np.uint8)
     return Left(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zsmoseg.carrying import Flow, here, look_up, nearest_known, step
+from zsmoseg.proposals.given.propagate import Flow, here, look_up, nearest_known, step
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.reading import shots
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task

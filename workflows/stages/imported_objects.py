@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.carrying import Linker
+from zsmoseg.proposals.given.link import Linker, Linking
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.workflows.reading import shots
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
@@ -70,7 +70,7 @@ def _linked(
     """Masks of single frames, linked along the flow on the working grid; frame by frame."""
     s, flow, proposals = task.settings.proposals, task.inputs["flow"], task.inputs["proposals"]
     height, width = flow.shape("backward")[2:]
-    linker, objects, last, of_frame = Linker(s.link_overlap, s.link_gap), [], [], dict(known)
+    linker, objects, last, of_frame = Linker(s.group(Linking)), [], [], dict(known)
     for start, stop in found:
         linker.start((height, width))
         for t in range(start, stop):

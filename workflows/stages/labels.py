@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.paint import paint
+from zsmoseg.proposals.embedded.guided_filter import GuidedFilter
+from zsmoseg.proposals.embedded.pixels import paint
 from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.video import Probe
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
@@ -30,8 +31,8 @@ def task(task: Task) -> Left:
     ignored = task.ignored_at(*shape)
     labels = np.zeros((len(frames), *shape), np.uint16)
     for label, frame, segment, t in zip(labels, frames, segments, range(task.start, task.stop), strict=True):
-        value, ids = read_frame_objects(task.inputs["objects"], t)
-        label[:] = paint(frame, segment, value, ids, shape, task.settings.labels)
+        ids = read_frame_objects(task.inputs["objects"], t)
+        label[:] = paint(frame, segment, ids, shape, task.settings.labels.group(GuidedFilter))
         if ignored is not None:
             label[ignored] = 0
     return Left(arrays={"label": labels}, tables=measured(labels))

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.saliency import find_objects
+from zsmoseg.proposals.embedded.features import SuperpixelFeatures
+from zsmoseg.proposals.embedded.objects import find_objects, parameters
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.tables import ChunkTables
 from zsmoseg.workflows.reading import overlapping, shots
 from zsmoseg.workflows.stage import ALL, Left, Stage, Task
 
@@ -18,14 +18,14 @@ BLOCK = 16
 """Frames of one group of tables."""
 
 
-def loader(tables: Artifact) -> Callable[[int, int], ChunkTables]:
-    """``load(a, b)``: the tables of frames a to b - 1, from the chunks they lie in."""
+def loader(tables: Artifact) -> Callable[[int, int], SuperpixelFeatures]:
+    """``load(a, b)``: the features of frames a to b - 1, from the chunks they lie in."""
 
-    def load(start: int, stop: int) -> ChunkTables:
+    def load(start: int, stop: int) -> SuperpixelFeatures:
         found = list(overlapping(tables, start, stop))
-        chunks = [ChunkTables.from_arrays(tables.read_table(i)) for i, _, _ in found]
+        chunks = [SuperpixelFeatures(**tables.read_table(i)) for i, _, _ in found]
         first = found[0][1]
-        return ChunkTables.join(chunks).part(start - first, stop - first)
+        return SuperpixelFeatures.join(chunks).part(start - first, stop - first)
 
     return load
 
@@ -42,10 +42,10 @@ def _blocks(task: Task, summary: dict[str, NDArray[Any]]) -> Iterator[tuple[str,
     load, scores, last = loader(task.inputs["tables"]), [], [0]
     values: list[NDArray[np.float32]] = []
     ids: list[NDArray[np.int32]] = []
-    frame = 0
+    frame, settings = 0, parameters(task.settings.objects.group)
     for shot in found:
         highest = last[-1]
-        for value, named, score in find_objects(load, shot, task.grid, task.settings.objects):
+        for value, named, score in find_objects(load, shot, task.grid, settings):
             values.append(value)
             ids.append(np.where(named > 0, named + last[-1], 0).astype(np.int32))
             highest = max(highest, int(ids[-1].max(initial=0)))
@@ -63,11 +63,11 @@ def _blocks(task: Task, summary: dict[str, NDArray[Any]]) -> Iterator[tuple[str,
     summary["last"] = np.array(last[1:], np.int64)
 
 
-def read_frame_objects(objects: Artifact, frame: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Value and object of the superpixels of one frame."""
+def read_frame_objects(objects: Artifact, frame: int) -> NDArray[np.int32]:
+    """Object of the superpixels of one frame."""
     table = objects.read_table(0, f"{frame // BLOCK * BLOCK:08d}")
     a, b = table["offset"][frame % BLOCK : frame % BLOCK + 2]
-    return table["value"][a:b], table["object"][a:b]
+    return table["object"][a:b]
 
 
 STAGE = Stage(

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from zsmoseg import superpixels
+from zsmoseg.proposals.embedded.superpixels import Superpixels, segment
 from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.video import Probe
 from zsmoseg.workflows.stage import Left, Stage, Task, working_size
@@ -23,9 +23,8 @@ def arrays(probe: Probe, settings: SimpleNamespace) -> list[ArraySpec]:
 def task(task: Task) -> Left:
     """Superpixels of one chunk."""
     frames = task.inputs["frames"].read("frame", task.start, task.stop)
-    return Left(
-        arrays={"segment": np.stack([superpixels.segment(f, task.settings.segments) for f in frames])}
-    )
+    superpixels = task.settings.segments.group(Superpixels)
+    return Left(arrays={"segment": np.stack([segment(frame, superpixels) for frame in frames])})
 
 
 STAGE = Stage(

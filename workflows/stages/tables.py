@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from zsmoseg.tables import STATES, chunk_tables
+from zsmoseg.flow import STATES
+from zsmoseg.proposals.embedded.features import Links, measure
 from zsmoseg.workflows.reading import read_states
 from zsmoseg.workflows.stage import Left, Stage, Task
 
@@ -11,7 +12,7 @@ def task(task: Task) -> Left:
     """The tables of one chunk; the frame after it is read for the last pair only."""
     inputs, stop = task.inputs, task.last_pair + 1
     state = read_states(task.inputs["flow"], task.start, task.last_pair)
-    tables = chunk_tables(
+    features = measure(
         inputs["frames"].read("frame", task.start, stop),
         inputs["segments"].read("segment", task.start, stop),
         inputs["flow"].read("forward", task.start, task.last_pair),
@@ -19,14 +20,14 @@ def task(task: Task) -> Left:
         [STATES[i] for i in state],
         task.stop - task.start,
         task.ignored,
-        task.settings.tables,
+        task.settings.tables.group(Links),
     )
-    return Left(tables=tables.arrays())
+    return Left(tables=features.arrays())
 
 
 STAGE = Stage(
     "tables",
-    1,
+    2,
     task,
     inputs={"frames": 1, "segments": 1, "flow": 0},
     sections=("tables", "ignore"),
