@@ -2,7 +2,7 @@
 
     python benchmarks/embedded_ablation.py DAVIS CACHE
 
-DAVIS holds JPEGImages/480p and Annotations/480p; flow, superpixels and tables are kept in CACHE. Scores as in
+DAVIS holds JPEGImages/480p and Annotations/480p; flow, superpixels and their features are kept in CACHE. Scores as in
 ``embedded_scores.py``: of the proposals, before the decision.
 """
 

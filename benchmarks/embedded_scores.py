@@ -4,7 +4,7 @@ usage: python benchmarks/embedded_scores.py --davis DAVIS [--cache DIR] [--set n
 
 DAVIS holds JPEGImages/480p and Annotations/480p. Printed per sequence: J (mean intersection over union, first and
 last frame left out) and F, precision and recall over all pixels, at full resolution; then ms per frame of each step.
-With --cache, flow, superpixels and tables are kept there; their times are then those of reading.
+With --cache, flow, superpixels and their features are kept there; their times are then those of reading.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from zsmoseg import paint, saliency, superpixels, tables
 from zsmoseg.flow import dis
+from zsmoseg.proposals.embedded import features, features_loops, objects, superpixels, upsampling
+from zsmoseg.proposals.embedded.features import Links, SuperpixelFeatures
+from zsmoseg.proposals.embedded.guided_filter import GuidedFilter
+from zsmoseg.proposals.embedded.superpixels import Superpixels
 from zsmoseg.settings import Settings, parse_override, resolve
 
 CLOCK: dict[str, float] = defaultdict(float)
@@ -43,12 +46,12 @@ class Clip:
 
     frames: np.ndarray
     segments: np.ndarray
-    tables: tables.ChunkTables
+    features: SuperpixelFeatures
     shape: tuple[int, int]
 
 
 def cues(folder: Path, s: Settings, cache: Path | None = None) -> Clip:
-    """Frames, superpixels and tables of a folder of images."""
+    """Frames, superpixels and their features of a folder of images."""
     files = sorted(folder.glob("*.jpg"))
     with clock("read"):
         images = [cv2.imread(str(file)) for file in files]
@@ -57,22 +60,22 @@ def cues(folder: Path, s: Settings, cache: Path | None = None) -> Clip:
     with clock("resize"):
         frames = np.stack([cv2.resize(image, grid, interpolation=cv2.INTER_AREA) for image in images])
     flows = kept(cache, f"{folder.name}-flow-{s.frames}{s.flow}", "flow", lambda: flow_of(frames, s))
+    slic = s.segments.group(Superpixels)
     seg = kept(
         cache,
         f"{folder.name}-segment-{s.frames}{s.segments}",
         "superpixels",
-        lambda: {"segment": np.stack([superpixels.segment(frame, s.segments) for frame in frames])},
+        lambda: {"segment": np.stack([superpixels.segment(frame, slic) for frame in frames])},
     )["segment"]
 
     def measure() -> dict[str, np.ndarray]:
         forward, backward = (flows[name].astype(np.float32) / 64 for name in ("forward", "backward"))
         states = ["ok"] * len(forward)
-        return tables.chunk_tables(
-            frames, seg, forward, backward, states, len(frames), None, s.tables
-        ).arrays()
+        links = s.tables.group(Links)
+        return features.measure(frames, seg, forward, backward, states, len(frames), None, links).arrays()
 
-    name = f"{folder.name}-tables-{s.frames}{s.flow}{s.segments}{s.tables}"
-    return Clip(frames, seg, tables.ChunkTables.from_arrays(kept(cache, name, "tables", measure)), shape)
+    name = f"{folder.name}-features-{s.frames}{s.flow}{s.segments}{s.tables}"
+    return Clip(frames, seg, SuperpixelFeatures(**kept(cache, name, "features", measure)), shape)
 
 
 def flow_of(frames: np.ndarray, s: Settings) -> dict[str, np.ndarray]:
@@ -89,7 +92,7 @@ def kept(
     if cache is None:
         with clock(label):
             return make()
-    source = "".join(Path(m.__file__).read_text() for m in (dis, superpixels, tables))
+    source = "".join(Path(m.__file__).read_text() for m in (dis, superpixels, features, features_loops))
     path = cache / f"{sha256((name + source).encode()).hexdigest()[:16]}.npz"
     if not path.exists():
         with clock(label):
@@ -103,14 +106,17 @@ def kept(
 
 def masks(clip: Clip, s: Settings) -> tuple[np.ndarray, list[float], int]:
     """Object of every pixel of all frames, the frames' scores, number of objects."""
+    parameters, edges = objects.parameters(s.objects.group), s.labels.group(GuidedFilter)
     with clock("objects"):
         found = list(
-            saliency.find_objects(clip.tables.part, (0, len(clip.frames)), clip.segments.shape[1:], s.objects)
+            objects.find_objects(
+                clip.features.part, (0, len(clip.frames)), clip.segments.shape[1:], parameters
+            )
         )
     with clock("paint"):
         painted = [
-            paint.paint(frame, segment, value, ids, clip.shape, s.labels)
-            for frame, segment, (value, ids, _) in zip(clip.frames, clip.segments, found, strict=True)
+            upsampling.paint(frame, segment, ids, clip.shape, edges)
+            for frame, segment, (_, ids, _) in zip(clip.frames, clip.segments, found, strict=True)
         ]
     return np.stack(painted), [score for *_, score in found], max(int(ids.max()) for _, ids, _ in found)
 

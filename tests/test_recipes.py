@@ -12,9 +12,9 @@ from conftest import draw_clip, write_folder
 from PIL import Image
 from runs import masks, segment
 
-from zsmoseg.deferred import Deferred
 from zsmoseg.errors import SettingsError
 from zsmoseg.metrics.clips import Clip, SequenceScore
+from zsmoseg.metrics.deferred import Deferred
 from zsmoseg.metrics.protocols import PROTOCOLS, Protocol, Rules
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.evaluate.reports import REPORTS

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from zsmoseg.deferred import Deferred
 from zsmoseg.errors import SettingsError
+from zsmoseg.metrics.deferred import Deferred
 
 if TYPE_CHECKING:  # the command line lists the formats without numpy
     from zsmoseg.workflows.result import Result

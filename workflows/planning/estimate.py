@@ -6,14 +6,11 @@ import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from zsmoseg.errors import SpaceError
 from zsmoseg.stores.location import Store
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
-
-if TYPE_CHECKING:
-    from zsmoseg.workflows.running.run import Request
 
 REFERENCE = 480 * 854
 RESERVE = 64 * 2**20
@@ -68,15 +65,15 @@ def _measured(plan: VideoPlan, stage: StagePlan) -> tuple[float, float] | None:
     return seconds / scale, size / scale
 
 
-def refuse_full_disk(request: Request, guess: Estimate) -> None:
+def refuse_full_disk(store: Path, guess: Estimate) -> None:
     """Raise ``SpaceError`` where the plan will not fit."""
-    place = request.store.absolute()
+    place = store.absolute()
     while not place.exists():
         place = place.parent
     free = shutil.disk_usage(place).free
     if guess.size + RESERVE > free:
         raise SpaceError(
-            f"{request.store}: the run needs about {guess.size / 1e6:.0f} MB, {free / 1e6:.0f} MB are free; "
+            f"{store}: the run needs about {guess.size / 1e6:.0f} MB, {free / 1e6:.0f} MB are free; "
             "free some, or give a store on another disk (--store)"
         )
 

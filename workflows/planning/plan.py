@@ -16,7 +16,7 @@ from zsmoseg.stores.keys import key as artifact_key
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.output import Output
 from zsmoseg.video.probe import Probe
-from zsmoseg.workflows.imports.files import check
+from zsmoseg.workflows.imports.contents import check
 from zsmoseg.workflows.imports.record import Brought
 from zsmoseg.workflows.imports.settling import settle
 from zsmoseg.workflows.stage import ALL, Stage, working_size

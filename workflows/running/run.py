@@ -140,7 +140,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     store = Store.open(request.store, create=True)
     plans, failures = make_plans(request, store)
     guess = estimate(store, plans)
-    refuse_full_disk(request, guess)
+    refuse_full_disk(request.store, guess)
     watcher.planned(plans, guess)
     report = Report(plans, failures=failures)
     for name, message in failures.items():

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from zsmoseg.deferred import Deferred
 from zsmoseg.errors import SettingsError
 from zsmoseg.metrics.clips import Clip, SequenceScore
+from zsmoseg.metrics.deferred import Deferred
 
 INNER = "the annotated frames without the first and the last"
 EVERY = "every annotated frame"

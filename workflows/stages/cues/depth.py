@@ -12,7 +12,7 @@ from zsmoseg import settings
 from zsmoseg.depth.ground import ground
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
-from zsmoseg.workflows.imports.files import depth_of
+from zsmoseg.workflows.imports.contents import depth_of
 from zsmoseg.workflows.stage import Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
 

@@ -14,7 +14,7 @@ from zsmoseg.flow.dis import Dis, between
 from zsmoseg.flow.pairs import CUT, STATES, PairCriteria, pair_state
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table, video
-from zsmoseg.workflows.imports.files import flow_of
+from zsmoseg.workflows.imports.contents import flow_of
 from zsmoseg.workflows.stage import Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
 

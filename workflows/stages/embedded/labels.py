@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from zsmoseg import settings
-from zsmoseg.paint import paint
+from zsmoseg.proposals.embedded.guided_filter import GuidedFilter
+from zsmoseg.proposals.embedded.upsampling import paint
 from zsmoseg.workflows.stage import ALL, Part, Stage, ignored, reach
 from zsmoseg.workflows.stages.cues.frames import Frames
 from zsmoseg.workflows.stages.embedded.objects import SuperpixelObjects, each_frame
@@ -39,8 +40,9 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     labels = np.zeros((part.stop - part.start, *part.displayed), np.uint16)
     found = each_frame(inputs.objects, part.start, part.stop)
     pictures = zip(labels, inputs.frames.image, inputs.segments.segment, found, strict=True)
-    for label, image, segment, (value, ids) in pictures:
-        label[:] = paint(image, segment, value, ids, part.displayed, s.labels)
+    guided = s.labels.group(GuidedFilter)
+    for label, image, segment, ids in pictures:
+        label[:] = paint(image, segment, ids, part.displayed, guided)
         if mask is not None:
             label[mask] = 0
     yield labels_of(part.start, labels)

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.saliency import find_objects
+from zsmoseg.proposals.embedded.features import SuperpixelFeatures
+from zsmoseg.proposals.embedded.objects import Objects as Parameters
+from zsmoseg.proposals.embedded.objects import find_objects
 from zsmoseg.stores.fields import table
-from zsmoseg.tables import ChunkTables
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 from zsmoseg.workflows.stages.embedded.features import Features
@@ -55,14 +56,13 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]
     waiting: list[tuple[NDArray[np.float32], NDArray[np.int32], float]] = []
     frame = 0
 
-    def load(start: int, stop: int) -> ChunkTables:
-        return inputs.features.of(start, stop).tables()
+    def load(start: int, stop: int) -> SuperpixelFeatures:
+        return inputs.features.of(start, stop).features()
 
+    grid, parameters = working_size(part.probe, s.frames.width), s.objects.group(Parameters)
     for shot in found:
         highest = last[-1]
-        for value, named, score in find_objects(
-            load, shot, working_size(part.probe, s.frames.width), s.objects
-        ):
+        for value, named, score in find_objects(load, shot, grid, parameters):
             ids = np.where(named > 0, named + last[-1], 0).astype(np.int32)
             highest = max(highest, int(ids.max(initial=0)))
             waiting.append((value, ids, score))
@@ -87,17 +87,14 @@ def _block(stop: int, found: list[tuple[NDArray[np.float32], NDArray[np.int32], 
     )
 
 
-def each_frame(
-    objects: SuperpixelObjects, start: int, stop: int
-) -> Iterator[tuple[NDArray[np.float32], NDArray[np.int32]]]:
-    """Value and object of the superpixels of the frames ``start`` to ``stop - 1``."""
+def each_frame(objects: SuperpixelObjects, start: int, stop: int) -> Iterator[NDArray[np.int32]]:
+    """Object of the superpixels of the frames ``start`` to ``stop - 1``."""
     for block in objects.of(start, stop).blocks():
-        if not block.has("value"):
+        if not block.has("object_of"):
             continue
         ends = np.cumsum([0, *block.superpixels])
         for k in range(max(start - block.start, 0), min(stop, block.stop) - block.start):
-            rows = slice(ends[k], ends[k + 1])
-            yield block.value[rows], block.object_of[rows]
+            yield block.object_of[ends[k] : ends[k + 1]]
 
 
 STAGE = Stage("objects", 3, task, Inputs, Sections, SuperpixelObjects, "video", cost=(14.2, 6.2))

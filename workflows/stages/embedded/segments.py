@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg import settings, superpixels
+from zsmoseg import settings
+from zsmoseg.proposals.embedded.superpixels import Superpixels, segment
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
 from zsmoseg.workflows.stage import Part, Stage, reach
@@ -41,7 +42,8 @@ class Sections:
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Segments]:
     """Superpixels of one chunk."""
-    found = np.stack([superpixels.segment(image, s.segments) for image in inputs.frames.image])
+    superpixels = s.segments.group(Superpixels)
+    found = np.stack([segment(image, superpixels) for image in inputs.frames.image])
     yield Segments(start=part.start, stop=part.stop, segment=found)
 
 

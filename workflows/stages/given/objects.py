@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.carrying import Linker
+from zsmoseg.proposals.given.link import Linker, Linking
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
@@ -99,7 +99,7 @@ def _linked(
     grid: tuple[int, int],
 ) -> tuple[list[Ids], list[int]]:
     """Masks of single frames, linked along the flow on the working grid; frame by frame."""
-    linker, objects, last = Linker(s.link_overlap, s.link_gap), [], []
+    linker, objects, last = Linker(s.group(Linking)), [], []
     for start, stop in found:
         linker.start(grid)
         for t in range(start, stop):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from zsmoseg import settings
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table, video
-from zsmoseg.workflows.imports.files import masks_of
+from zsmoseg.workflows.imports.contents import masks_of
 from zsmoseg.workflows.stage import Part, Stage
 
 

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from zsmoseg import paint
+from zsmoseg.proposals.embedded.guided_filter import GuidedFilter, guided_filter
+from zsmoseg.proposals.embedded.upsampling import paint
 from zsmoseg.settings import Labels
 
-S = Labels()
+S = Labels().group(GuidedFilter)
 
 
 def picture(height: int = 60, width: int = 90) -> tuple[np.ndarray, np.ndarray]:
@@ -28,10 +29,6 @@ def shares(segment: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.bincount(segment.ravel(), mask.ravel()) / np.bincount(segment.ravel())
 
 
-def values(ids: np.ndarray) -> np.ndarray:
-    return np.where(ids > 0, 2.0, -2.0).astype(np.float32)
-
-
 def iou(a: np.ndarray, b: np.ndarray) -> float:
     return (a & b).sum() / (a | b).sum()
 
@@ -40,7 +37,7 @@ def iou(a: np.ndarray, b: np.ndarray) -> float:
 def test_a_frame_without_objects_is_zero_at_the_displayed_size(shape):
     frame, _ = picture()
     ids = np.zeros(150, np.int32)
-    label = paint.paint(frame, blocks(), values(ids), ids, shape, S)
+    label = paint(frame, blocks(), ids, shape, S)
     assert label.shape == shape
     assert label.dtype == np.uint16
     assert not label.any()
@@ -50,7 +47,7 @@ def test_masks_move_to_the_edges_of_the_picture():
     frame, disc = picture()
     segment = blocks()
     ids = (shares(segment, disc) > 0.5).astype(np.int32)
-    label = paint.paint(frame, segment, values(ids), ids, (60, 90), S)
+    label = paint(frame, segment, ids, (60, 90), S)
     assert iou(label > 0, disc) > 0.95 > iou((ids > 0)[segment], disc)
 
 
@@ -61,7 +58,7 @@ def test_objects_keep_their_ids_at_any_displayed_size():
     right = shares(segment, np.broadcast_to(np.arange(90) > 40, (60, 90))) > 0.5
     ids[(ids > 0) & right] = 700
     for shape in ((60, 90), (121, 183)):
-        label = paint.paint(frame, segment, values(ids), ids, shape, S)
+        label = paint(frame, segment, ids, shape, S)
         assert label.shape == shape
         assert np.unique(label).tolist() == [0, 1, 700]
         assert label[shape[0] // 2, shape[1] // 3] == 1
@@ -71,13 +68,13 @@ def test_objects_keep_their_ids_at_any_displayed_size():
 def test_an_object_that_fills_the_frame_stays_whole():
     frame, _ = picture()
     ids = np.ones(150, np.int32)
-    assert paint.paint(frame, blocks(), values(ids), ids, (120, 180), S).all()
+    assert paint(frame, blocks(), ids, (120, 180), S).all()
 
 
 def test_the_guided_filter_keeps_what_is_linear_in_the_guide():
     guide = np.random.default_rng(0).random((40, 50, 3)).astype(np.float32)
     x = (0.2 + guide @ np.array([0.5, -0.3, 0.1], np.float32)).astype(np.float32)
-    assert np.abs(paint.guided_filter(guide, x, 4, 1e-6) - x).max() < 1e-2
+    assert np.abs(guided_filter(guide, x, GuidedFilter(4, 1e-6)) - x).max() < 1e-2
 
 
 def test_the_guided_filter_equals_window_by_window_regression():
@@ -92,4 +89,4 @@ def test_the_guided_filter_equals_window_by_window_regression():
             centred = g - g.mean(0)
             a = np.linalg.solve(centred.T @ centred / 25 + eps * np.eye(3), centred.T @ (t - t.mean()) / 25)
             total.append(a @ guide[6, 6] + t.mean() - a @ g.mean(0))
-    assert abs(paint.guided_filter(guide, x, radius, eps)[6, 6] - np.mean(total)) < 1e-3
+    assert abs(guided_filter(guide, x, GuidedFilter(radius, eps))[6, 6] - np.mean(total)) < 1e-3

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from zsmoseg.layers import Ties, absorb, attraction, chains, contract, layers
+from zsmoseg.proposals.embedded.absorption import absorb
+from zsmoseg.proposals.embedded.components import NONE, tidy
+from zsmoseg.proposals.embedded.contraction import contract
+from zsmoseg.proposals.embedded.graph import Graph
+from zsmoseg.proposals.embedded.identities import Identities
+from zsmoseg.proposals.embedded.partition import Partition, chains, partition, signed_graph
+from zsmoseg.proposals.embedded.signed_graph import SignedGraph
 from zsmoseg.settings import Objects
-from zsmoseg.spacetime import Window
-from zsmoseg.tracking import NONE, Tracker, pieces
 
-S = Objects()
+S = Objects().group(Partition)
 PITCH, SIZE = 8, 64.0
 BACKGROUND = -1
 
 
-def scene(frames: list[np.ndarray], velocity: list[np.ndarray], known: list[bool] | None = None) -> Window:
+def scene(frames: list[np.ndarray], velocity: list[np.ndarray], known: list[bool] | None = None) -> Graph:
     """Square superpixels in rows and columns.
 
     Parameters
@@ -48,9 +54,9 @@ def scene(frames: list[np.ndarray], velocity: list[np.ndarray], known: list[bool
             y2, x2 = y + step[y, x, 1], x + step[y, x, 0]
             if 0 <= y2 < rows and 0 <= x2 < columns and frames[t][y, x] == frames[t + 1][y2, x2]:
                 link.append((number[t, y, x], number[t + 1, y2, x2]))
-    forth = np.concatenate([flow.reshape(nodes, 2), np.zeros((nodes, 2))], 1).astype(np.float64)
+    forward = np.concatenate([flow.reshape(nodes, 2), np.zeros((nodes, 2))], 1).astype(np.float64)
     place = np.stack(np.indices((rows, columns)), 2).reshape(count, 2) * PITCH + PITCH / 2
-    return Window(
+    return Graph(
         start=0,
         shape=(rows * PITCH, columns * PITCH),
         offset=np.arange(len(frames) + 1) * count,
@@ -59,15 +65,14 @@ def scene(frames: list[np.ndarray], velocity: list[np.ndarray], known: list[bool
         place=np.tile(place, (len(frames), 1)),
         colour=np.zeros((nodes, 3)),
         rim=np.zeros(nodes, np.bool_),
-        detail=np.ones((nodes, 4)),
-        edge_offset=np.arange(len(frames) + 1) * (len(edge) // len(frames)),
+        detail=np.ones(nodes),
+        structure=np.ones((nodes, 3)),
         edge=edge,
         boundary=np.full(len(edge), float(PITCH)),
-        link_offset=np.searchsorted([i // count for i, _ in link], np.arange(len(frames))),
         link=np.array(link, np.int64).reshape(-1, 2),
         carried=np.full(len(link), 2 * SIZE),
-        forth=forth,
-        back=forth * [-1, -1, 1, 1],
+        forward=forward,
+        backward=forward * [-1, -1, 1, 1],
         known=np.array(known or [True] * len(frames)),
     )
 
@@ -77,11 +82,11 @@ def thing(frames: list[np.ndarray]) -> np.ndarray:
     return np.concatenate([f.ravel() for f in frames])
 
 
-def found(w: Window, frames: list[np.ndarray], s: Objects = S) -> list[set[int]]:
-    """The layers that each thing is in."""
+def found(w: Graph, frames: list[np.ndarray], s: Partition = S) -> list[set[int]]:
+    """The parts that each thing is in."""
     shown = thing(frames)
-    layer = layers(w, shown != BACKGROUND, s)
-    return [set(layer[shown == n].tolist()) for n in range(int(shown.max()) + 1)]
+    part = partition(w, shown != BACKGROUND, s)
+    return [set(part[shown == n].tolist()) for n in range(int(shown.max()) + 1)]
 
 
 def crossing(distance: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -98,7 +103,7 @@ def crossing(distance: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
 
 
 @pytest.mark.parametrize("distance", [0, 3, 8], ids=["from the start on", "after 2 frames", "after 4 frames"])
-def test_two_movers_that_touch_and_cross_are_two_layers_in_all_frames(distance: int) -> None:
+def test_two_movers_that_touch_and_cross_are_two_parts_in_all_frames(distance: int) -> None:
     frames, velocity = crossing(distance)
     first, second = found(scene(frames, velocity), frames)
     assert len(first) == len(second) == 1
@@ -109,8 +114,8 @@ def test_two_movers_that_touch_keep_their_ids_and_an_occluder_splits_none() -> N
     frames, velocity = crossing(8)
     w = scene(frames, velocity)
     foreground = thing(frames) != BACKGROUND
-    layer = pieces(foreground, layers(w, foreground, S), w.size, w.edge, 2 * SIZE)
-    ids = Tracker().name(layer, w.size, 0)
+    part = tidy(foreground, partition(w, foreground, S), w.size, w.edge, 2 * SIZE)
+    ids = Identities().name(part, w.size, 0)
     assert [set(ids[thing(frames) == n].tolist()) for n in (BACKGROUND, 0, 1)] == [{0}, {1}, {2}]
 
 
@@ -147,8 +152,8 @@ def limbs(t: int, swing: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_body_with_swinging_legs_stays_whole() -> None:
     frames, flow = map(list, zip(*[limbs(t, 4.0) for t in range(12)], strict=True))
-    (layer,) = found(scene(frames, flow), frames)
-    assert len(layer) == 1
+    (part,) = found(scene(frames, flow), frames)
+    assert len(part) == 1
 
 
 def test_a_thing_that_grows_or_turns_stays_whole() -> None:
@@ -156,8 +161,8 @@ def test_a_thing_that_grows_or_turns_stays_whole() -> None:
     frame = np.full((10, 16), BACKGROUND)
     frame[2:8, 3:13] = 0
     for flow in (np.stack([x - 60, y - 40], 2) / 10, np.stack([40 - y, x - 60], 2) / 10):
-        (layer,) = found(scene([frame] * 6, [flow] * 6), [frame] * 6)
-        assert len(layer) == 1
+        (part,) = found(scene([frame] * 6, [flow] * 6), [frame] * 6)
+        assert len(part) == 1
 
 
 def test_slow_noise_parts_nothing_and_a_step_of_one_frame_neither() -> None:
@@ -170,30 +175,30 @@ def test_slow_noise_parts_nothing_and_a_step_of_one_frame_neither() -> None:
     assert len(found(scene([frame] * 8, flow), [frame] * 8)[0]) == 1
 
 
-def test_between_repeats_only_links_tie() -> None:
+def test_between_repeats_only_links_attract() -> None:
     frame = np.array([[0, 0, 1, 1]])
     velocity = np.array([[3.0, 0], [-3, 0], [0, 0]])
     moving, still = scene([frame] * 2, [velocity] * 2), scene([frame] * 2, [velocity] * 2, [True, False])
     everything = np.ones(8, np.bool_)
-    assert len(attraction(moving, everything, S).pair) == len(moving.edge) + len(moving.link)
-    assert len(attraction(still, everything, S).pair) == len(moving.edge) // 2 + len(moving.link)
+    assert len(signed_graph(moving, everything, S).pair) == len(moving.edge) + len(moving.link)
+    assert len(signed_graph(still, everything, S).pair) == len(moving.edge) // 2 + len(moving.link)
 
 
-def test_ties_attract_below_the_neutral_step_and_repel_above_it() -> None:
+def test_neighbours_attract_below_the_neutral_step_and_repel_above_it() -> None:
     frame = np.array([[0, 0, 0, 1]])
     w = scene([frame], [np.array([[0.0, 0], [3.0, 0], [0, 0]])])
-    ties = attraction(w, np.ones(4, np.bool_), S.model_copy(update={"part_least": 2.0}))
-    assert ties.pull.tolist() == [PITCH, PITCH, PITCH * (1 - 3 / 2)]
-    assert ties.contact.tolist() == [PITCH] * 3
+    signed = signed_graph(w, np.ones(4, np.bool_), replace(S, part_least=2.0))
+    assert signed.attraction.tolist() == [PITCH, PITCH, PITCH * (1 - 3 / 2)]
+    assert signed.contact.tolist() == [PITCH] * 3
     w = scene([frame], [np.array([[[0.0, 0], [2, 0], [4, 0], [9, 0]]])])
-    ties = attraction(w, np.ones(4, np.bool_), S.model_copy(update={"part_ratio": 2.0}))
-    assert ties.pull.tolist() == [PITCH * (1 - 2 / 4), PITCH * (1 - 2 / 4), PITCH * (1 - 5 / 4)]
+    signed = signed_graph(w, np.ones(4, np.bool_), replace(S, part_ratio=2.0))
+    assert signed.attraction.tolist() == [PITCH * (1 - 2 / 4), PITCH * (1 - 2 / 4), PITCH * (1 - 5 / 4)]
 
 
 def test_a_chain_goes_on_where_most_is_carried_both_ways() -> None:
     frame = np.array([[0, 0]])
     w = scene([frame] * 2, [np.zeros((2, 2))] * 2)
-    w = Window(
+    w = Graph(
         **{
             **w.__dict__,
             "link": np.array([[0, 2], [0, 3], [1, 3]]),
@@ -203,14 +208,14 @@ def test_a_chain_goes_on_where_most_is_carried_both_ways() -> None:
     assert chains(w, np.ones(4, np.bool_)).tolist() == [0, 1, 2, 0]
 
 
-def graph(*ties: tuple[int, int, float]) -> Ties:
-    pair = np.array([t[:2] for t in ties], np.int64)
-    pull = np.array([t[2] for t in ties])
-    return Ties(pair, pull, np.maximum(np.abs(pull), 1.0))
+def graph(*edges: tuple[int, int, float]) -> SignedGraph:
+    pair = np.array([t[:2] for t in edges], np.int64)
+    attraction = np.array([t[2] for t in edges])
+    return SignedGraph(pair, attraction, np.maximum(np.abs(attraction), 1.0))
 
 
 def test_a_weak_spot_of_a_boundary_joins_nothing() -> None:
-    """Two triangles; one of three ties between them attracts, all together repel."""
+    """Two triangles; one of three edges between them attracts, all together repel."""
     inside = [(0, 1, 9.0), (1, 2, 9.0), (0, 2, 9.0), (3, 4, 9.0), (4, 5, 9.0), (3, 5, 9.0)]
     across = [(0, 3, 2.0), (1, 4, -3.0), (2, 5, -3.0)]
     part = contract(np.arange(6), graph(*inside, *across))
@@ -223,34 +228,34 @@ def test_a_weak_spot_of_a_boundary_joins_nothing() -> None:
 def test_joining_ends_where_all_repel() -> None:
     rng = np.random.default_rng(0)
     i, j = np.triu_indices(40, 1)
-    ties = Ties(np.stack([i, j], 1), rng.normal(-0.2, 1, len(i)), np.ones(len(i)))
-    part = contract(np.arange(40), ties)
-    rest = ties.between(part)
+    signed = SignedGraph(np.stack([i, j], 1), rng.normal(-0.2, 1, len(i)), np.ones(len(i)))
+    part = contract(np.arange(40), signed)
+    rest = signed.between(part)
     assert 1 < len(set(part.tolist())) < 40
-    assert (rest.pull <= 0).all()
+    assert (rest.attraction <= 0).all()
     inside = part[i] == part[j]
-    assert rest.pull.sum() + ties.pull[inside].sum() == pytest.approx(ties.pull.sum())
+    assert rest.attraction.sum() + signed.attraction[inside].sum() == pytest.approx(signed.attraction.sum())
 
 
 def test_small_parts_go_to_what_repels_them_least() -> None:
     size = np.array([100.0, 100, 3, 3])
-    ties = graph((0, 1, -50.0), (0, 2, -1.0), (1, 2, -3.0))
-    ties = Ties(ties.pair, ties.pull, np.array([50.0, 4, 4]))
-    assert absorb(np.arange(4), ties, size, 0.05).tolist() == [0, 1, 0, 3], "what touches nothing stays"
-    assert absorb(np.arange(4), ties, size, 0.02).tolist() == [0, 1, 2, 3]
+    signed = graph((0, 1, -50.0), (0, 2, -1.0), (1, 2, -3.0))
+    signed = SignedGraph(signed.pair, signed.attraction, np.array([50.0, 4, 4]))
+    assert absorb(np.arange(4), signed, size, 0.05).tolist() == [0, 1, 0, 3], "what touches nothing stays"
+    assert absorb(np.arange(4), signed, size, 0.02).tolist() == [0, 1, 2, 3]
 
 
 def test_no_foreground_is_lost_and_small_bodies_are_dropped() -> None:
     edge = np.array([[0, 1], [1, 2], [2, 3], [5, 6]])
     foreground = np.array([1, 1, 1, 1, 0, 1, 0, 1], np.bool_)
-    layer, size = np.array([0, 0, 7, 7, 4, 5, 6, 7]), np.array([9.0, 9, 2, 2, 9, 3, 9, 5])
-    assert pieces(foreground, layer, size, edge, 5.0).tolist() == [0, 0, 0, 0, NONE, NONE, NONE, 7]
-    assert pieces(foreground, layer, size, edge, 4.0).tolist() == [0, 0, 7, 7, NONE, NONE, NONE, 7]
+    part, size = np.array([0, 0, 7, 7, 4, 5, 6, 7]), np.array([9.0, 9, 2, 2, 9, 3, 9, 5])
+    assert tidy(foreground, part, size, edge, 5.0).tolist() == [0, 0, 0, 0, NONE, NONE, NONE, 7]
+    assert tidy(foreground, part, size, edge, 4.0).tolist() == [0, 0, 7, 7, NONE, NONE, NONE, 7]
 
 
-def test_ids_go_to_the_layer_that_shares_most_and_to_one_only() -> None:
-    tracker = Tracker()
-    assert tracker.name(np.array([9, 4, NONE, 4, 9, 2]), np.ones(6), 0).tolist() == [1, 2, 0, 2, 1, 3]
+def test_ids_go_to_the_part_that_shares_most_and_to_one_only() -> None:
+    identities = Identities()
+    assert identities.name(np.array([9, 4, NONE, 4, 9, 2]), np.ones(6), 0).tolist() == [1, 2, 0, 2, 1, 3]
     size = np.array([1.0, 1, 5, 5, 5, 1, 1, 1, 1])
-    assert tracker.name(np.array([8, 8, NONE, 8, 5, NONE, 5, 6, 8]), size, 6).tolist() == [1, 4, 2]
-    assert tracker.name(np.array([5, 3, 3, 5, 1]), np.ones(5), 2).tolist() == [2, 4, 5]
+    assert identities.name(np.array([8, 8, NONE, 8, 5, NONE, 5, 6, 8]), size, 6).tolist() == [1, 4, 2]
+    assert identities.name(np.array([5, 3, 3, 5, 1]), np.ones(5), 2).tolist() == [2, 4, 5]

@@ -8,12 +8,20 @@ import scipy.sparse as sp
 from conftest import draw_clip
 from scipy.sparse.csgraph import bellman_ford
 
-from zsmoseg import saliency, spacetime, superpixels, tables
 from zsmoseg.flow.dis import Dis, between
 from zsmoseg.flow.pairs import PairCriteria, pair_state
+from zsmoseg.proposals.embedded import objects
+from zsmoseg.proposals.embedded.camera import Camera, fit_fields, own_motion, speed
+from zsmoseg.proposals.embedded.diffusion import Diffusion, diffuse, similarity
+from zsmoseg.proposals.embedded.features import Links, SuperpixelFeatures, measure
+from zsmoseg.proposals.embedded.geodesic import from_border
+from zsmoseg.proposals.embedded.graph import colour_distance, connect_frames
+from zsmoseg.proposals.embedded.superpixels import Superpixels, segment
 from zsmoseg.settings import Flow, Objects, Segments, Tables
 
-S = Objects()
+S = objects.parameters(Objects().group)
+SLIC = Segments().group(Superpixels)
+CAMERA = S.saliency.camera
 
 
 class Clip:
@@ -21,7 +29,7 @@ class Clip:
 
     def __init__(self, frames: np.ndarray) -> None:
         self.frames = frames
-        self.segments = np.stack([superpixels.segment(frame, Segments()) for frame in frames])
+        self.segments = np.stack([segment(frame, SLIC) for frame in frames])
         pairs = [between(a, b, Flow().group(Dis)) for a, b in itertools.pairwise(frames)]
         shape = (0, 2, *frames.shape[1:3])
         self.forward = np.stack([a for a, _ in pairs]) if pairs else np.zeros(shape, np.float32)
@@ -30,11 +38,11 @@ class Clip:
             pair_state(a, b, f, g, Flow().group(PairCriteria))
             for (a, b), (f, g) in zip(itertools.pairwise(frames), pairs, strict=True)
         ]
-        self.tables = self.measure(0, len(frames))
+        self.features = self.measure(0, len(frames))
 
-    def measure(self, start: int, stop: int) -> tables.ChunkTables:
+    def measure(self, start: int, stop: int) -> SuperpixelFeatures:
         last = min(stop + 1, len(self.frames))
-        return tables.chunk_tables(
+        return measure(
             self.frames[start:last],
             self.segments[start:last],
             self.forward[start : last - 1],
@@ -42,12 +50,12 @@ class Clip:
             self.states[start : last - 1],
             stop - start,
             None,
-            Tables(),
+            Tables().group(Links),
         )
 
     def find(self, start: int = 0, stop: int | None = None, load=None) -> list:
         shot = (start, len(self.frames) if stop is None else stop)
-        return list(saliency.find_objects(load or self.tables.part, shot, self.segments.shape[1:], S))
+        return list(objects.find_objects(load or self.features.part, shot, self.segments.shape[1:], S))
 
     def ids(self, found: list, start: int = 0) -> np.ndarray:
         return np.stack([row[1][segment] for row, segment in zip(found, self.segments[start:], strict=False)])
@@ -123,9 +131,9 @@ def test_two_shots_in_one_video_give_what_each_gives_alone():
 def test_the_length_of_the_chunks_changes_no_bit(length):
     chunks = [DISC.measure(a, min(a + length, 12)) for a in range(0, 12, length)]
 
-    def load(start: int, stop: int) -> tables.ChunkTables:
+    def load(start: int, stop: int) -> SuperpixelFeatures:
         first = start // length
-        joined = tables.ChunkTables.join(chunks[first : (stop - 1) // length + 1])
+        joined = SuperpixelFeatures.join(chunks[first : (stop - 1) // length + 1])
         return joined.part(start - first * length, stop - first * length)
 
     assert same(DISC.find(load=load), DISC.find())
@@ -134,16 +142,16 @@ def test_the_length_of_the_chunks_changes_no_bit(length):
 def test_windows_keep_the_ids_and_read_no_more_than_their_margins(monkeypatch):
     clip = Clip(draw_clip(frames=16, width=200)[0])
     whole = clip.ids(clip.find())
-    monkeypatch.setattr(saliency, "LENGTH", 4)
-    monkeypatch.setattr(saliency, "MARGIN", 0)
+    monkeypatch.setattr(objects, "LENGTH", 4)
+    monkeypatch.setattr(objects, "MARGIN", 0)
     read = []
 
-    def load(start: int, stop: int) -> tables.ChunkTables:
+    def load(start: int, stop: int) -> SuperpixelFeatures:
         read.append((start, stop))
-        return clip.tables.part(start, stop)
+        return clip.features.part(start, stop)
 
-    s = S.model_copy(update={"window": 3})
-    found = list(saliency.find_objects(load, (0, 16), clip.segments.shape[1:], s))
+    s = objects.parameters(Objects(window=3).group)
+    found = list(objects.find_objects(load, (0, 16), clip.segments.shape[1:], s))
     ids = clip.ids(found)
     assert read == [(0, 7), (1, 11), (5, 15), (9, 16)]
     assert iou(ids > 0, whole > 0) > 0.85
@@ -151,18 +159,18 @@ def test_windows_keep_the_ids_and_read_no_more_than_their_margins(monkeypatch):
 
 
 def test_the_camera_moves_like_what_it_is_fitted_to():
-    w = spacetime.window(DISC.tables, 0, DISC.segments.shape[1:])
+    graph = connect_frames(DISC.features, 0, DISC.segments.shape[1:])
     inside = np.concatenate(
         [
             np.bincount(s.ravel(), t.ravel()) / np.bincount(s.ravel())
             for s, t in zip(DISC.segments, TRUTH, strict=True)
         ]
     )
-    free = saliency.camera_residual(w, saliency.own_motion(w, w.size, S))
-    told = saliency.camera_residual(w, saliency.own_motion(w, w.size * (inside < 0.5), S))
+    free = speed(graph, own_motion(graph, graph.size, CAMERA))
+    told = speed(graph, own_motion(graph, graph.size * (inside < 0.5), CAMERA))
     assert np.median(told[inside < 0.5]) < 0.2
     assert np.median(told[inside > 0.9]) > 2
-    only_disc = saliency.camera_residual(w, saliency.own_motion(w, w.size * (inside > 0.5), S))
+    only_disc = speed(graph, own_motion(graph, graph.size * (inside > 0.5), CAMERA))
     assert np.median(only_disc[inside < 0.01]) > 2
     assert np.median(free[inside < 0.5]) < 0.2
 
@@ -173,7 +181,7 @@ def test_the_robust_fit_recovers_a_quadratic_field_under_outliers():
     field = rng.normal(size=(6, 2))
     target = basis @ field
     target[:120] += 5
-    fitted = saliency.fit_fields(np.array([0, 400]), basis, target, np.ones(400), 20, 0.01)[0]
+    fitted = fit_fields(np.array([0, 400]), basis, target, np.ones(400), Camera(20, 0.01))[0]
     assert np.abs(fitted - field).max() < 0.01
 
 
@@ -186,27 +194,27 @@ def test_diffusion_solves_its_equations():
     dense = weight.toarray()
     system = np.diag(trust) + 10 * (np.diag(dense.sum(1)) - dense)
     exact = np.linalg.solve(system, trust[:, None] * x)
-    assert np.abs(spacetime.diffuse(weight, x, 10, trust, 1e-6) - exact).max() < 1e-4
-    assert np.abs(spacetime.diffuse(weight, x[:, 0], 10, trust, 1e-6) - exact[:, 0]).max() < 1e-4
+    assert np.abs(diffuse(weight, x, 10, 1e-6, trust) - exact).max() < 1e-4
+    assert np.abs(diffuse(weight, x[:, 0], 10, 1e-6, trust) - exact[:, 0]).max() < 1e-4
 
 
 def test_paths_from_the_border_are_the_cheapest():
-    w = spacetime.window(DISC.tables.part(0, 1), 0, DISC.segments.shape[1:])
+    graph = connect_frames(DISC.features.part(0, 1), 0, DISC.segments.shape[1:])
     rng = np.random.default_rng(0)
-    cost, entry = rng.random(len(w.edge)), rng.random(len(w.frame))
-    n = len(w.frame)
-    graph = np.zeros((n + 1, n + 1))
-    graph[w.edge[:, 0], w.edge[:, 1]] = graph[w.edge[:, 1], w.edge[:, 0]] = cost
-    graph[n, np.flatnonzero(w.rim)] = entry[w.rim]
-    expected = bellman_ford(sp.csr_array(graph), indices=n)[:n]
-    assert np.allclose(spacetime.from_border(w, cost, entry), expected, atol=1e-6)
+    cost, entry = rng.random(len(graph.edge)), rng.random(len(graph.frame))
+    n = len(graph.frame)
+    dense = np.zeros((n + 1, n + 1))
+    dense[graph.edge[:, 0], graph.edge[:, 1]] = dense[graph.edge[:, 1], graph.edge[:, 0]] = cost
+    dense[n, np.flatnonzero(graph.rim)] = entry[graph.rim]
+    expected = bellman_ford(sp.csr_array(dense), indices=n)[:n]
+    assert np.allclose(from_border(graph, cost, entry), expected, atol=1e-6)
 
 
 def test_links_and_neighbours_weigh_less_the_more_their_colours_differ():
-    w = spacetime.window(DISC.tables.part(0, 2), 0, DISC.segments.shape[1:])
-    weight = spacetime.similarity(w, 2.5, 10.0)
+    graph = connect_frames(DISC.features.part(0, 2), 0, DISC.segments.shape[1:])
+    weight = similarity(graph, Diffusion(2.5, 10.0, 1.0))
     assert abs(weight - weight.T).max() == 0
-    alike = spacetime.similarity(w, 1e9, 10.0)
-    i, j = w.edge[spacetime.colour_distance(w, w.edge).argmax()]
-    a, b = w.edge[spacetime.colour_distance(w, w.edge).argmin()]
+    alike = similarity(graph, Diffusion(1e9, 10.0, 1.0))
+    i, j = graph.edge[colour_distance(graph, graph.edge).argmax()]
+    a, b = graph.edge[colour_distance(graph, graph.edge).argmin()]
     assert weight[i, j] / alike[i, j] < weight[a, b] / alike[a, b]

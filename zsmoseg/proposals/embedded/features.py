@@ -1,0 +1,270 @@
+"""What is measured on the superpixels of a frame and between those of two frames.
+
+Every number depends on one frame or one pair of frames only, so a video may be cut into chunks anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.flow.pairs import STATES, PairState
+from zsmoseg.proposals.embedded.aliases import Bools, Floats, Frames, Ints, Segments, Singles
+from zsmoseg.proposals.embedded.features_loops import (
+    FEATURES,
+    FLOW_FEATURES,
+    boundary_steps,
+    carried_runs,
+    count_pairs,
+    mean_features,
+    mean_flow,
+)
+from zsmoseg.proposals.embedded.superpixels import lab
+
+IGNORED = np.uint8(128)
+"""What ignored pixels are painted with, so that their colours leak through no blur: middle grey."""
+MEAN_SIDE = 9
+"""Side of the window whose mean is taken off a grey level: larger than most texture, px."""
+
+
+@dataclass(frozen=True)
+class Links:
+    """Which superpixels of two frames are linked."""
+
+    link_least: int
+    """Pixels that the flow must carry between two of them, forward and backward together."""
+
+
+@dataclass(frozen=True)
+class SuperpixelFeatures:
+    """The superpixels of F frames that follow each other and of P pairs: all that start in them, or all but the last.
+
+    Rows of all frames or pairs stand one after the other; how many each has is counted. Superpixels are numbered
+    within their frame.
+    """
+
+    superpixels: NDArray[np.int64]
+    """(F) superpixels of each frame."""
+    feature: NDArray[np.float32]
+    """(superpixels, 11) size in px without ignored ones; mean y, x in px; mean L, a, b; pixels within 2 px of the
+    frame's border; mean square of the detail, and of its slope per px (xx, xy, yy), see ``detail``. The columns are
+    ``features_loops.SIZE`` to ``YY``."""
+    edges: NDArray[np.int64]
+    """(F) edges of each frame."""
+    edge: NDArray[np.uint16]
+    """(edges, 2) superpixels of one frame that touch."""
+    boundary: NDArray[np.int32]
+    """(edges) length of their common boundary, px."""
+    state: NDArray[np.uint8]
+    """(P) index into ``zsmoseg.flow.pairs.STATES``; a cut has no links and zero flow."""
+    forward: NDArray[np.float32]
+    """(superpixels of the pairs' first frames, 4) mean flow x, y, px; mean error forward and backward, px; mean
+    squared change of the detail along the flow. The columns are ``features_loops.U`` to ``CHANGE``."""
+    superpixels_after: NDArray[np.int64]
+    """(P) superpixels of the second frame of each pair."""
+    backward: NDArray[np.float32]
+    """(superpixels of the pairs' second frames, 4) the same, towards the first frame."""
+    links: NDArray[np.int64]
+    """(P) links of each pair."""
+    link: NDArray[np.uint16]
+    """(links, 2) superpixel of the first frame, superpixel of the second."""
+    carried: NDArray[np.int32]
+    """(links, 2) pixels that the flow carries from one to the other, forward and backward."""
+
+    @property
+    def superpixel_offset(self) -> Ints:
+        """(F + 1) first row of each frame in ``feature``, and in ``forward``."""
+        return _offset(self.superpixels)
+
+    @property
+    def edge_offset(self) -> Ints:
+        """(F + 1) first row of each frame in ``edge`` and ``boundary``."""
+        return _offset(self.edges)
+
+    @property
+    def backward_offset(self) -> Ints:
+        """(P + 1) first row of each pair in ``backward``."""
+        return _offset(self.superpixels_after)
+
+    @property
+    def link_offset(self) -> Ints:
+        """(P + 1) first row of each pair in ``link`` and ``carried``."""
+        return _offset(self.links)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays by name."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def join(cls, chunks: Sequence[SuperpixelFeatures]) -> SuperpixelFeatures:
+        """Chunks that follow each other as one; all but the last must have P = F."""
+        names = [field.name for field in fields(cls)]
+        return cls(**{name: np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in names})
+
+    def part(self, start: int, stop: int) -> SuperpixelFeatures:
+        """Frames ``start`` to ``stop - 1``, counted from the first of these, and the pairs inside them."""
+        pairs = max(min(stop - 1, len(self.state)), start)
+        n, e, b, k = self.superpixel_offset, self.edge_offset, self.backward_offset, self.link_offset
+        return SuperpixelFeatures(
+            superpixels=self.superpixels[start:stop],
+            feature=self.feature[n[start] : n[stop]],
+            edges=self.edges[start:stop],
+            edge=self.edge[e[start] : e[stop]],
+            boundary=self.boundary[e[start] : e[stop]],
+            state=self.state[start:pairs],
+            forward=self.forward[n[start] : n[pairs]],
+            superpixels_after=self.superpixels_after[start:pairs],
+            backward=self.backward[b[start] : b[pairs]],
+            links=self.links[start:pairs],
+            link=self.link[k[start] : k[pairs]],
+            carried=self.carried[k[start] : k[pairs]],
+        )
+
+
+def _offset(counts: Ints) -> Ints:
+    return np.append(0, np.cumsum(counts, dtype=np.int64))
+
+
+def measure(
+    frames: Frames,
+    segments: Segments,
+    forward: Singles,
+    backward: Singles,
+    states: Sequence[PairState],
+    length: int,
+    ignore: Bools | None,
+    links: Links,
+) -> SuperpixelFeatures:
+    """Measure the frames of a chunk and the pairs that start in them.
+
+    Parameters
+    ----------
+    frames, segments
+        (n, h, w, 3) and (n, h, w): the frames of the chunk and, where the video goes on, the one after them.
+    forward, backward, states
+        (n - 1, 2, h, w), (n - 1, 2, h, w) px and n - 1 states of their pairs.
+    length
+        Frames of the chunk: n, or n - 1 where the last one given belongs to the next chunk.
+    ignore
+        (h, w), true where pixels count for nothing: neither they nor their colours are in any number.
+    links
+        Which superpixels are linked.
+    """
+    valid = np.ones(segments.shape[1:], np.bool_)
+    if ignore is not None:
+        valid = ~ignore
+        frames = np.where(valid[..., None], frames, IGNORED)
+    counts = [int(segment.max()) + 1 for segment in segments]
+    details = [detail(frame) for frame in frames]
+    alone = [_frame(frames[t], segments[t], counts[t], details[t], valid) for t in range(length)]
+    pairs = []
+    for m, state in enumerate(states):
+        one = _Side(segments[m], counts[m], forward[m], details[m])
+        two = _Side(segments[m + 1], counts[m + 1], backward[m], details[m + 1])
+        pairs.append(_pair(one, two, state, valid, links.link_least))
+    return _stacked(alone, pairs, states)
+
+
+class _Frame(NamedTuple):
+    """What is measured on one frame, as in ``SuperpixelFeatures``."""
+
+    feature: Floats
+    edge: Ints
+    boundary: Ints
+
+
+class _Pair(NamedTuple):
+    """What is measured between two frames, as in ``SuperpixelFeatures``."""
+
+    forward: Floats
+    backward: Floats
+    link: Ints
+    carried: Ints
+
+
+def _stacked(frames: list[_Frame], pairs: list[_Pair], states: Sequence[PairState]) -> SuperpixelFeatures:
+    return SuperpixelFeatures(
+        superpixels=_counts([frame.feature for frame in frames]),
+        feature=_stack([frame.feature for frame in frames], FEATURES, np.float32),
+        edges=_counts([frame.edge for frame in frames]),
+        edge=_stack([frame.edge for frame in frames], 2, np.uint16),
+        boundary=np.concatenate([frame.boundary for frame in frames]).astype(np.int32),
+        state=np.array([STATES.index(state) for state in states], np.uint8),
+        forward=_stack([pair.forward for pair in pairs], FLOW_FEATURES, np.float32),
+        superpixels_after=_counts([pair.backward for pair in pairs]),
+        backward=_stack([pair.backward for pair in pairs], FLOW_FEATURES, np.float32),
+        links=_counts([pair.link for pair in pairs]),
+        link=_stack([pair.link for pair in pairs], 2, np.uint16),
+        carried=_stack([pair.carried for pair in pairs], 2, np.int32),
+    )
+
+
+def _counts(parts: Sequence[NDArray[Any]]) -> Ints:
+    return np.array([len(part) for part in parts], np.int64)
+
+
+def _stack(parts: Sequence[NDArray[Any]], columns: int, dtype: type) -> NDArray[Any]:
+    return np.concatenate([np.zeros((0, columns), dtype), *parts]).astype(dtype)
+
+
+def detail(frame: Frames) -> Singles:
+    """(h, w) grey level of a frame (h, w, 3) less its mean over 9 x 9 px, slightly smoothed."""
+    grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY).astype(np.float32)
+    mean = cv2.blur(grey, (MEAN_SIDE, MEAN_SIDE))
+    return np.asarray(cv2.GaussianBlur(grey - mean, (3, 3), 0), np.float32)
+
+
+def slope(image: Singles) -> Singles:
+    """(2, h, w) change of an image (h, w) per px in x and y."""
+    return np.stack(
+        [cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))]
+    )
+
+
+def _frame(frame: Frames, segment: Segments, count: int, fine: Singles, valid: Bools) -> _Frame:
+    """Superpixels of a frame (h, w, 3) with detail ``fine`` (h, w), and which of them touch."""
+    feature = mean_features(segment, count, lab(frame), fine, slope(fine), valid)
+    first, second = boundary_steps(segment, valid)
+    return _Frame(feature, *count_pairs(first, second, np.ones(len(first), np.int32), count, count))
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One frame of a pair: its superpixels, their number, the flow (2, h, w) to the other frame, the detail."""
+
+    segment: Segments
+    count: int
+    flow: Singles
+    detail: Singles
+
+    def mean_flow(self, other: _Side, valid: Bools) -> Floats:
+        """(superpixels, 4) of the flow to the ``other`` side."""
+        return mean_flow(  # type: ignore[no-any-return]
+            self.segment, self.count, self.flow, other.flow, self.detail, other.detail, valid
+        )
+
+
+def _pair(one: _Side, two: _Side, state: PairState, valid: Bools, least: int) -> _Pair:
+    """Flow of either frame, links, and the pixels they carry."""
+    if state == "cut":
+        flows = np.zeros((one.count, FLOW_FEATURES)), np.zeros((two.count, FLOW_FEATURES))
+        return _Pair(*flows, np.zeros((0, 2), np.int64), np.zeros((0, 2), np.int64))
+    i, j, run = carried_runs(one.segment, two.segment, one.flow, valid)
+    k, h, run_back = carried_runs(two.segment, one.segment, two.flow, valid)
+    # both directions are counted as one; a way back ends beyond the numbers of the second frame, to tell them apart
+    ends = np.r_[j, k + two.count]
+    pairs, times = count_pairs(np.r_[i, h], ends, np.r_[run, run_back], one.count, 2 * two.count)
+    backward = pairs[:, 1] >= two.count
+    pairs[backward, 1] -= two.count
+    key = pairs[:, 0] * two.count + pairs[:, 1]
+    order = np.argsort(key, kind="stable")
+    new = np.r_[True, np.diff(key[order]) > 0]
+    carried = np.zeros((int(new.sum()), 2), np.int64)
+    carried[np.cumsum(new) - 1, backward[order].astype(np.int64)] = times[order]
+    kept = carried.sum(1) >= least
+    return _Pair(one.mean_flow(two, valid), two.mean_flow(one, valid), pairs[order][new][kept], carried[kept])

@@ -1,0 +1,38 @@
+"""What counts as full motion in a frame: motion has no scale of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zsmoseg.proposals.embedded.aliases import Floats
+from zsmoseg.proposals.embedded.graph import Graph
+
+
+@dataclass(frozen=True)
+class FullMotion:
+    """What counts as full motion."""
+
+    top: float
+    """Quantile of a frame's motion that is full motion."""
+    top_window: int
+    """Frames on both sides over whose full motion the median is taken."""
+    top_least: float
+    """Full motion is never less: what is slower stays weak, px."""
+
+
+def full(graph: Graph, x: Floats, motion: FullMotion) -> Floats:
+    """(F) full motion of each frame, px, where ``x`` (superpixels) is motion, px."""
+    high = np.array(
+        [np.quantile(x[graph.of(t)], motion.top) if graph.known[t] else np.nan for t in range(graph.frames)]
+    )
+    radius = motion.top_window
+    around = (high[max(0, t - radius) : t + radius + 1] for t in range(graph.frames))
+    middle = np.array([np.median(part[~np.isnan(part)]) if (part > 0).any() else 0 for part in around])
+    return np.asarray(np.maximum(middle, motion.top_least), np.float64)
+
+
+def relative(graph: Graph, x: Floats, motion: FullMotion) -> Floats:
+    """(superpixels) ``x`` (superpixels), px, over the full motion of its frame, at most 1."""
+    return np.minimum(x / full(graph, x, motion)[graph.frame], 1)

@@ -1,0 +1,133 @@
+"""The objects of a shot, frame by frame: superpixels that move by themselves, parted and followed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from zsmoseg.proposals.embedded.aliases import Ids, Ints, Singles
+from zsmoseg.proposals.embedded.bilateral_grid import BilateralGrid
+from zsmoseg.proposals.embedded.camera import Camera
+from zsmoseg.proposals.embedded.components import tidy
+from zsmoseg.proposals.embedded.diffusion import Diffusion
+from zsmoseg.proposals.embedded.enclosure import Enclosure
+from zsmoseg.proposals.embedded.features import SuperpixelFeatures
+from zsmoseg.proposals.embedded.full_motion import FullMotion
+from zsmoseg.proposals.embedded.graph import Graph, connect_frames
+from zsmoseg.proposals.embedded.identities import Identities
+from zsmoseg.proposals.embedded.partition import Partition, partition
+from zsmoseg.proposals.embedded.persistence import Cleanness, Persistence
+from zsmoseg.proposals.embedded.saliency import Judgement, Saliency, judge
+from zsmoseg.proposals.embedded.threshold import Contrast, Threshold
+from zsmoseg.proposals.embedded.visibility import Trust, Visibility
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+LENGTH = 160
+"""Frames that are decided on at once."""
+MARGIN = 30
+"""Frames beyond the window of the threshold that are looked at on both sides of them."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What of the foreground is objects."""
+
+    score: float
+    """A frame with less is empty, 0 to 1."""
+    smallest: float
+    """Smallest connected piece, share of the frame."""
+
+
+@dataclass(frozen=True)
+class Objects:
+    """Parameters of ``find_objects``."""
+
+    saliency: Saliency
+    partition: Partition
+    selection: Selection
+
+
+T = TypeVar("T", bound="DataclassInstance")
+
+
+class Fill(Protocol):
+    """Makes a group of parameters of a kind."""
+
+    def __call__(self, kind: type[T], /) -> T:
+        """An instance of ``kind``, a frozen dataclass, filled by the names of its fields."""
+
+
+def parameters(fill: Fill) -> Objects:
+    """The parameters of ``find_objects``, each group made by ``fill``."""
+    saliency = Saliency(
+        camera=fill(Camera),
+        full_motion=fill(FullMotion),
+        enclosure=fill(Enclosure),
+        diffusion=fill(Diffusion),
+        trust=fill(Trust),
+        contrast=fill(Contrast),
+        threshold=fill(Threshold),
+        cleanness=fill(Cleanness),
+        persistence=fill(Persistence),
+        visibility=fill(Visibility),
+        bilateral_grid=fill(BilateralGrid),
+    )
+    return Objects(saliency, fill(Partition), fill(Selection))
+
+
+def find_objects(
+    load: Callable[[int, int], SuperpixelFeatures],
+    shot: tuple[int, int],
+    shape: tuple[int, int],
+    objects: Objects,
+) -> Iterator[tuple[Singles, Ids, float]]:
+    """The objects of a shot, frame by frame.
+
+    The shot is worked on in windows of ``LENGTH`` frames, counted from its start, so memory does not grow with it.
+
+    Parameters
+    ----------
+    load
+        ``load(a, b)`` gives the features of the frames a to b - 1 and of the pairs inside them.
+    shot
+        First frame, and the one after the last; no cut inside.
+    shape
+        Height and width of the working grid, px.
+    objects
+        The parameters.
+
+    Yields
+    ------
+    value
+        (superpixels) log-odds of being foreground.
+    ids
+        (superpixels) object, 1 upwards and stable over the shot; 0 where there is none.
+    score
+        0: nothing moves by itself, to 1: something surely does.
+    """
+    start, stop = shot
+    identities = Identities()
+    margin = objects.saliency.threshold.window + MARGIN
+    for first in range(start, stop, LENGTH):
+        last = min(first + LENGTH, stop)
+        low, high = max(first - margin, start), min(last + margin, stop)
+        graph = connect_frames(load(low, high), low - start, shape)
+        judgement = judge(graph, objects.saliency)
+        part = moving_parts(graph, judgement, objects)
+        known, named = graph.offset[[first - low, last - low]]
+        ids = identities.name(part[:named], graph.size[:named], int(known))
+        for t in range(first - low, last - low):
+            here = graph.of(t)
+            value = judgement.value[here].astype("float32")
+            yield value, ids[here.start - known : here.stop - known], float(judgement.score[t])
+
+
+def moving_parts(graph: Graph, judgement: Judgement, objects: Objects) -> Ints:
+    """(superpixels) step 10: the part of the foreground that each is in, or ``components.NONE``."""
+    foreground = (judgement.value > 0) & (judgement.score >= objects.selection.score)[graph.frame]
+    smallest = objects.selection.smallest * graph.shape[0] * graph.shape[1]
+    part = partition(graph, foreground, objects.partition)
+    return tidy(foreground, part, graph.size, graph.edge, smallest)

@@ -1,0 +1,1 @@
+"""Masks from elsewhere: propagated to the frames without any, and linked to objects."""
