@@ -106,7 +106,7 @@ def kept(
 
 def masks(clip: Clip, s: Settings) -> tuple[np.ndarray, list[float], int]:
     """Object of every pixel of all frames, the frames' scores, number of objects."""
-    parameters, edges = objects.parameters(s.objects.group), s.labels.group(GuidedFilter)
+    parameters, edges = s.objects.group(objects.Objects), s.labels.group(GuidedFilter)
     with clock("objects"):
         found = list(
             objects.find_objects(

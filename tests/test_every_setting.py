@@ -22,7 +22,6 @@ OTHER: dict[str, Any] = {
     "video.end": "7f",
     "groups.count": 1,
     "frames.width": 96,
-    "objects.smallest": 0.2,
 }
 """Values that a rule cannot guess."""
 NO_BYTES = {
@@ -96,7 +95,6 @@ SETUP: dict[str, dict[str, Any]] = {
     "objects.unclean_full": DEMANDING,
     "objects.clean_from": {**DEMANDING, "objects.clean_full": 0.99},
     "objects.clean_full": DEMANDING,
-    "objects.contrast_colour": {"objects.threshold_bins": 2048},
 }
 """Others that let a setting act on so small a clip."""
 

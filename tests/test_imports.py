@@ -72,7 +72,7 @@ def test_imported_masks_become_motion_masks_and_nothing_embedded_is_computed(
     brought: Path, truth: np.ndarray, tmp_path: Path
 ) -> None:
     report, counter = segment(brought / "disc", tmp_path, {"proposals.path": str(brought / "masks")})
-    assert not counter.stages & {"segments", "tables"}
+    assert not counter.stages & {"segments", "features"}
     found = masks(tmp_path / "out" / "disc")
     np.testing.assert_array_equal(found > 0, truth == 7)
     objects = result_of(report, tmp_path).objects

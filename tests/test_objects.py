@@ -17,9 +17,9 @@ from zsmoseg.proposals.embedded.features import Links, SuperpixelFeatures, measu
 from zsmoseg.proposals.embedded.geodesic import from_border
 from zsmoseg.proposals.embedded.graph import colour_distance, connect_frames
 from zsmoseg.proposals.embedded.superpixels import Superpixels, segment
-from zsmoseg.settings import Flow, Objects, Segments, Tables
+from zsmoseg.settings import Flow, Objects, Segments
 
-S = objects.parameters(Objects().group)
+S = Objects().group(objects.Objects)
 SLIC = Segments().group(Superpixels)
 CAMERA = S.saliency.camera
 
@@ -50,7 +50,7 @@ class Clip:
             self.states[start : last - 1],
             stop - start,
             None,
-            Tables().group(Links),
+            Links(),
         )
 
     def find(self, start: int = 0, stop: int | None = None, load=None) -> list:
@@ -150,7 +150,7 @@ def test_windows_keep_the_ids_and_read_no_more_than_their_margins(monkeypatch):
         read.append((start, stop))
         return clip.features.part(start, stop)
 
-    s = objects.parameters(Objects(window=3).group)
+    s = Objects(window=3).group(objects.Objects)
     found = list(objects.find_objects(load, (0, 16), clip.segments.shape[1:], s))
     ids = clip.ids(found)
     assert read == [(0, 7), (1, 11), (5, 15), (9, 16)]

@@ -1,4 +1,4 @@
-"""``zsmoseg gc``."""
+"""``zsmoseg gc``: remove what no run reaches, after asking."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ pixels of the working grid (``frames.width`` wide) unless a name says otherwise.
 from zsmoseg.settings.grouping import Affinity, Groups, Motion, Statistics, Trajectories
 from zsmoseg.settings.inputs import Depth, Flow, Frames, Ignore, Video
 from zsmoseg.settings.outputs import Chunk, Masks, Overlay
-from zsmoseg.settings.proposals import Labels, Objects, Proposals, Segments, Tables
+from zsmoseg.settings.proposals import Labels, Objects, Proposals, Segments
 from zsmoseg.settings.resolving import PRESETS, parse_override, resolve
 from zsmoseg.settings.section import Section
 from zsmoseg.settings.tree import Settings, defaults
@@ -33,7 +33,6 @@ __all__ = [
     "Segments",
     "Settings",
     "Statistics",
-    "Tables",
     "Trajectories",
     "Video",
     "defaults",

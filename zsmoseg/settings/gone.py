@@ -3,6 +3,21 @@
 from __future__ import annotations
 
 GONE: dict[str, str] = {
+    "labels.guide_eps": "is the constant guide_eps = 1e-4 of zsmoseg.proposals.embedded.guided_filter.GuidedFilter now",
+    "objects.clean_pad": "is the constant clean_pad = 0.5 of zsmoseg.proposals.embedded.persistence.Cleanness now",
+    "objects.contrast_flow": "is the constant contrast_flow = 1.0 of zsmoseg.proposals.embedded.threshold.Contrast now",
+    "objects.part_least": "is the constant part_least = 1.0 of zsmoseg.proposals.embedded.partition.Partition now",
+    "objects.part_link": "is the constant part_link = 0.25 of zsmoseg.proposals.embedded.partition.Partition now",
+    "objects.part_ratio": "is the constant part_ratio = 2.5 of zsmoseg.proposals.embedded.partition.Partition now",
+    "objects.part_share": "is the constant part_share = 0.05 of zsmoseg.proposals.embedded.partition.Partition now",
+    "objects.score": "is the constant score = 0.3 of zsmoseg.proposals.embedded.objects.Selection now",
+    "objects.smallest": "is the constant smallest = 0.0005 of zsmoseg.proposals.embedded.objects.Selection now",
+    "objects.threshold": "is the constant threshold = 0.06 of zsmoseg.proposals.embedded.threshold.Threshold now",
+    "objects.threshold_bins": "is the constant threshold_bins = 64 of zsmoseg.proposals.embedded.threshold.Threshold now",
+    "objects.threshold_sure": "is the constant threshold_sure = 0.26 of zsmoseg.proposals.embedded.threshold.Threshold now",
+    "objects.top_least": "is the constant top_least = 1.0 of zsmoseg.proposals.embedded.full_motion.FullMotion now",
+    "objects.trust_least": "is the constant trust_least = 0.05 of zsmoseg.proposals.embedded.visibility.Trust now",
+    "tables.link_least": "is the constant link_least = 2 of zsmoseg.proposals.embedded.features.Links now",
     "groups.frames": "is groups.least_pairs now",
     "groups.keep": "is groups.below_strongest now",
 }

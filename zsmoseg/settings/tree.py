@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict
 from zsmoseg.settings.grouping import Affinity, Groups, Motion, Statistics, Trajectories
 from zsmoseg.settings.inputs import Depth, Flow, Frames, Ignore, Video
 from zsmoseg.settings.outputs import Chunk, Masks, Overlay
-from zsmoseg.settings.proposals import Labels, Objects, Proposals, Segments, Tables
+from zsmoseg.settings.proposals import Labels, Objects, Proposals, Segments
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -32,7 +32,6 @@ class Settings(BaseModel):
     depth: Depth = Depth()
     proposals: Proposals = Proposals()
     segments: Segments = Segments()
-    tables: Tables = Tables()
     objects: Objects = Objects()
     labels: Labels = Labels()
     statistics: Statistics = Statistics()

@@ -94,7 +94,6 @@ class Inputs:
 class Sections:
     """The settings that are read."""
 
-    tables: settings.Tables
     ignore: settings.Ignore
 
 
@@ -109,7 +108,7 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Features]:
         [STATES[i] for i in inputs.flow.state],
         part.stop - part.start,
         ignored(s.ignore, *images.shape[1:3]),
-        s.tables.group(Links),
+        Links(),
     )
     yield Features(start=part.start, stop=part.stop, **found.arrays())
 
