@@ -23,9 +23,18 @@ import cv2
 import numpy as np
 
 from zsmoseg import flow
-from zsmoseg.proposals.embedded import features, features_loops, objects, pixels, superpixels
-from zsmoseg.proposals.embedded.features import Links, SuperpixelFeatures
+from zsmoseg.proposals.embedded import (
+    adjacency_loops,
+    features,
+    features_loops,
+    measuring,
+    objects,
+    pixels,
+    superpixels,
+)
+from zsmoseg.proposals.embedded.features import SuperpixelFeatures
 from zsmoseg.proposals.embedded.guided_filter import GuidedFilter
+from zsmoseg.proposals.embedded.measuring import Links
 from zsmoseg.proposals.embedded.superpixels import Superpixels
 from zsmoseg.settings import Settings, parse_override, resolve
 
@@ -72,7 +81,7 @@ def cues(folder: Path, s: Settings, cache: Path | None = None) -> Clip:
         forward, backward = (flows[name].astype(np.float32) / 64 for name in ("forward", "backward"))
         states = ["ok"] * len(forward)
         links = s.tables.group(Links)
-        return features.measure(frames, seg, forward, backward, states, len(frames), None, links).arrays()
+        return measuring.measure(frames, seg, forward, backward, states, len(frames), None, links).arrays()
 
     name = f"{folder.name}-features-{s.frames}{s.flow}{s.segments}{s.tables}"
     return Clip(frames, seg, SuperpixelFeatures(**kept(cache, name, "features", measure)), shape)
@@ -92,7 +101,10 @@ def kept(
     if cache is None:
         with clock(label):
             return make()
-    source = "".join(Path(m.__file__).read_text() for m in (flow, superpixels, features, features_loops))
+    source = "".join(
+        Path(m.__file__).read_text()
+        for m in (flow, superpixels, features, measuring, features_loops, adjacency_loops)
+    )
     path = cache / f"{sha256((name + source).encode()).hexdigest()[:16]}.npz"
     if not path.exists():
         with clock(label):

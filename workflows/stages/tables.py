@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from zsmoseg.flow import STATES
-from zsmoseg.proposals.embedded.features import Links, measure
+from zsmoseg.proposals.embedded.measuring import Links, measure
 from zsmoseg.workflows.reading import read_states
 from zsmoseg.workflows.stage import Left, Stage, Task
 
