@@ -13,44 +13,40 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from embedded_scores import cues, masks, scores
+from embedded_scores import Parameters, cues, masks, scores, truth_of
+from embedded_sensitivity import changed
 
 from zsmoseg.settings import resolve
 
 ROWS = {
     "all steps": {},
-    "no path of colour from the border": {"objects.border_colour": 1e-6},
-    "no diffusion": {"objects.spread": 0.0},
-    "no colour in the links": {"objects.link_colour": 1e6},
-    "no links in time": {"objects.link_time": 1e-6},
-    "no contrast in the threshold": {"objects.contrast_colour": 1e-6, "objects.contrast_flow": 1e-6},
-    "threshold of each frame alone": {"objects.window": 0},
-    "no persistence": {"objects.clean_power": 0.0},
-    "motion trusted without texture": {"objects.trust_least": 1.0},
-    "motion counts unseen": {"objects.show_detail": 1e12},
-    "superpixels 11.5 px apart": {"segments.pitch": 11.5},
-    "binary map not filtered": {"labels.guide_eps": 1e3, "labels.guide_radius": 1},
+    "no path of colour from the border": {"border_colour": 1e-6},
+    "no diffusion": {"spread": 0.0},
+    "no colour in the links": {"link_colour": 1e6},
+    "no links in time": {"link_time": 1e-6},
+    "no contrast in the threshold": {"contrast_colour": 1e-6, "contrast_flow": 1e-6},
+    "threshold of each frame alone": {"window": 0},
+    "no persistence": {"clean_power": 0.0},
+    "motion trusted without texture": {"trust_least": 1.0},
+    "motion counts unseen": {"show_detail": 1e12},
+    "superpixels 11.5 px apart": {"pitch": 11.5},
+    "binary map not filtered": {"guide_eps": 1e3, "guide_radius": 1},
 }
-"""Settings that take one step out."""
+"""Settings and constants that take one step out."""
 
 
 def main() -> None:
     """Print the table."""
     davis, cache = map(Path, sys.argv[1:])
     cv2.setNumThreads(1)
-    names = sorted(path.name for path in (davis / "JPEGImages/480p").iterdir())
-    truths = {}
-    for name in names:
-        files = sorted((davis / "Annotations/480p" / name).glob("*.png"))
-        truths[name] = np.stack([cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) > 127 for file in files])
+    images = davis / "JPEGImages/480p"
+    names = sorted(path.name for path in images.iterdir())
+    truths = {name: truth_of(davis / "Annotations/480p" / name) for name in names}
     print(f"{'means of ' + str(len(names)):<34} {'J':>6} {'Fu':>6} {'Pu':>6} {'Ru':>6}   largest change of J")
     reference: dict[str, float] = {}
-    for title, overrides in ROWS.items():
-        s = resolve(overrides=overrides)
-        rows = {
-            name: scores(masks(cues(davis / "JPEGImages/480p" / name, s, cache), s)[0] > 0, truths[name])
-            for name in names
-        }
+    for title, changes in ROWS.items():
+        p = changed(Parameters.of(resolve()), changes)
+        rows = {n: scores(masks(cues(images / n, p, cache), p)[0] > 0, truths[n]) for n in names}
         reference = reference or {name: row[0] for name, row in rows.items()}
         change = {name: row[0] - reference[name] for name, row in rows.items()}
         worst = max(change, key=lambda name: abs(change[name]))

@@ -23,8 +23,18 @@ import cv2
 import numpy as np
 
 from zsmoseg.flow import dis
-from zsmoseg.proposals.embedded import features, features_loops, objects, superpixels, upsampling
-from zsmoseg.proposals.embedded.features import Links, SuperpixelFeatures
+from zsmoseg.flow.dis import Dis
+from zsmoseg.proposals.embedded import (
+    adjacency_loops,
+    extraction,
+    features,
+    features_loops,
+    objects,
+    superpixels,
+    upsampling,
+)
+from zsmoseg.proposals.embedded.extraction import Links
+from zsmoseg.proposals.embedded.features import SuperpixelFeatures
 from zsmoseg.proposals.embedded.guided_filter import GuidedFilter
 from zsmoseg.proposals.embedded.superpixels import Superpixels
 from zsmoseg.settings import Settings, parse_override, resolve
@@ -40,6 +50,24 @@ def clock(name: str) -> Iterator[None]:
     CLOCK[name] += time.process_time() - start
 
 
+@dataclass(frozen=True)
+class Parameters:
+    """All settings and constants of the embedded front end."""
+
+    width: int
+    flow: Dis
+    superpixels: Superpixels
+    links: Links
+    objects: objects.Objects
+    edges: GuidedFilter
+
+    @classmethod
+    def of(cls, s: Settings) -> Parameters:
+        """Those that settings ask for."""
+        slic, chosen = s.segments.group(Superpixels), s.objects.group(objects.Objects)
+        return cls(s.frames.width, s.flow.group(Dis), slic, Links(), chosen, s.labels.group(GuidedFilter))
+
+
 @dataclass
 class Clip:
     """A sequence as far as the objects."""
@@ -50,37 +78,37 @@ class Clip:
     shape: tuple[int, int]
 
 
-def cues(folder: Path, s: Settings, cache: Path | None = None) -> Clip:
+def cues(folder: Path, p: Parameters, cache: Path | None = None) -> Clip:
     """Frames, superpixels and their features of a folder of images."""
     files = sorted(folder.glob("*.jpg"))
     with clock("read"):
         images = [cv2.imread(str(file)) for file in files]
     shape = images[0].shape[:2]
-    grid = s.frames.width, max(16, round(shape[0] * s.frames.width / shape[1]))
+    grid = p.width, max(16, round(shape[0] * p.width / shape[1]))
     with clock("resize"):
         frames = np.stack([cv2.resize(image, grid, interpolation=cv2.INTER_AREA) for image in images])
-    flows = kept(cache, f"{folder.name}-flow-{s.frames}{s.flow}", "flow", lambda: flow_of(frames, s))
-    slic = s.segments.group(Superpixels)
+    name = f"{folder.name}-{p.width}-{p.flow}"
+    flows = kept(cache, name, "flow", lambda: flow_of(frames, p.flow))
+    name += f"-{p.superpixels}"
     seg = kept(
         cache,
-        f"{folder.name}-segment-{s.frames}{s.segments}",
+        name,
         "superpixels",
-        lambda: {"segment": np.stack([superpixels.segment(frame, slic) for frame in frames])},
+        lambda: {"segment": np.stack([superpixels.segment(frame, p.superpixels) for frame in frames])},
     )["segment"]
 
     def measure() -> dict[str, np.ndarray]:
         forward, backward = (flows[name].astype(np.float32) / 64 for name in ("forward", "backward"))
         states = ["ok"] * len(forward)
-        links = s.tables.group(Links)
-        return features.measure(frames, seg, forward, backward, states, len(frames), None, links).arrays()
+        return extraction.measure(frames, seg, forward, backward, states, len(frames), None, p.links).arrays()
 
-    name = f"{folder.name}-features-{s.frames}{s.flow}{s.segments}{s.tables}"
+    name += f"-{p.links}"
     return Clip(frames, seg, SuperpixelFeatures(**kept(cache, name, "features", measure)), shape)
 
 
-def flow_of(frames: np.ndarray, s: Settings) -> dict[str, np.ndarray]:
+def flow_of(frames: np.ndarray, parameters: Dis) -> dict[str, np.ndarray]:
     """Flow of all pairs as it is stored: int16, 1/64 px."""
-    pairs = [dis.between(a, b, s.flow.group(dis.Dis)) for a, b in pairwise(frames)]
+    pairs = [dis.between(a, b, parameters) for a, b in pairwise(frames)]
     forward, backward = (np.rint(np.stack(x) * 64).astype(np.int16) for x in zip(*pairs, strict=True))
     return {"forward": forward, "backward": backward}
 
@@ -92,7 +120,8 @@ def kept(
     if cache is None:
         with clock(label):
             return make()
-    source = "".join(Path(m.__file__).read_text() for m in (dis, superpixels, features, features_loops))
+    modules = (dis, superpixels, features, extraction, features_loops, adjacency_loops)
+    source = "".join(Path(m.__file__).read_text() for m in modules)
     path = cache / f"{sha256((name + source).encode()).hexdigest()[:16]}.npz"
     if not path.exists():
         with clock(label):
@@ -104,21 +133,24 @@ def kept(
         return dict(file)
 
 
-def masks(clip: Clip, s: Settings) -> tuple[np.ndarray, list[float], int]:
+def masks(clip: Clip, p: Parameters) -> tuple[np.ndarray, list[float], int]:
     """Object of every pixel of all frames, the frames' scores, number of objects."""
-    parameters, edges = s.objects.group(objects.Objects), s.labels.group(GuidedFilter)
     with clock("objects"):
-        found = list(
-            objects.find_objects(
-                clip.features.part, (0, len(clip.frames)), clip.segments.shape[1:], parameters
-            )
-        )
+        grid = clip.segments.shape[1:]
+        found = list(objects.find_objects(clip.features.part, (0, len(clip.frames)), grid, p.objects))
     with clock("paint"):
         painted = [
-            upsampling.paint(frame, segment, ids, clip.shape, edges)
+            upsampling.paint(frame, segment, ids, clip.shape, p.edges)
             for frame, segment, (_, ids, _) in zip(clip.frames, clip.segments, found, strict=True)
         ]
     return np.stack(painted), [score for *_, score in found], max(int(ids.max()) for _, ids, _ in found)
+
+
+def truth_of(folder: Path) -> np.ndarray:
+    """(T, H, W) the annotated foreground."""
+    return np.stack(
+        [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) > 127 for file in sorted(folder.glob("*.png"))]
+    )
 
 
 def scores(mask: np.ndarray, truth: np.ndarray) -> tuple[float, float, float, float]:
@@ -139,15 +171,13 @@ def main() -> None:
     parser.add_argument("sequences", nargs="*")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    s = resolve(overrides=dict(map(parse_override, options.set)))
+    p = Parameters.of(resolve(overrides=dict(map(parse_override, options.set))))
     images, truths = (options.davis / name / "480p" for name in ("JPEGImages", "Annotations"))
     rows, frames = [], 0
     for name in options.sequences or sorted(path.name for path in images.iterdir()):
-        clip = cues(images / name, s, options.cache)
-        mask, score, count = masks(clip, s)
-        files = sorted((truths / name).glob("*.png"))
-        truth = np.stack([cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) > 127 for file in files])
-        rows.append(scores(mask > 0, truth))
+        clip = cues(images / name, p, options.cache)
+        mask, score, count = masks(clip, p)
+        rows.append(scores(mask > 0, truth_of(truths / name)))
         frames += len(mask)
         print(
             "{:20} J {:5.1f} Fu {:5.1f} Pu {:5.1f} Ru {:5.1f}".format(name, *rows[-1])

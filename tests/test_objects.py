@@ -13,7 +13,8 @@ from zsmoseg.flow.pairs import PairCriteria, pair_state
 from zsmoseg.proposals.embedded import objects
 from zsmoseg.proposals.embedded.camera import Camera, fit_fields, own_motion, speed
 from zsmoseg.proposals.embedded.diffusion import Diffusion, diffuse, similarity
-from zsmoseg.proposals.embedded.features import Links, SuperpixelFeatures, measure
+from zsmoseg.proposals.embedded.extraction import Links, measure
+from zsmoseg.proposals.embedded.features import SuperpixelFeatures
 from zsmoseg.proposals.embedded.geodesic import from_border
 from zsmoseg.proposals.embedded.graph import colour_distance, connect_frames
 from zsmoseg.proposals.embedded.superpixels import Superpixels, segment

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from zsmoseg.errors import SettingsError
 from zsmoseg.flow.dis import Dis, between
-from zsmoseg.proposals.embedded import features
-from zsmoseg.proposals.embedded.features import Links, SuperpixelFeatures
+from zsmoseg.proposals.embedded import extraction
+from zsmoseg.proposals.embedded.extraction import Links
+from zsmoseg.proposals.embedded.features import SuperpixelFeatures
 from zsmoseg.proposals.embedded.features_loops import ERROR, RIM, SIZE
 from zsmoseg.proposals.embedded.superpixels import Superpixels, lab, segment
 from zsmoseg.settings import Flow, Segments
@@ -30,7 +31,7 @@ FORWARD, BACKWARD = map(
 
 def measure(start: int, stop: int, ignore: np.ndarray | None = None, frames: np.ndarray = FRAMES):
     last = min(stop + 1, len(frames))
-    return features.measure(
+    return extraction.measure(
         frames[start:last],
         SEGMENTS[start:last],
         FORWARD[start : last - 1],
@@ -127,8 +128,8 @@ def test_flow_features_hold_the_mean_flow_and_what_does_not_close():
         mean = np.bincount(number, FORWARD[2][c].ravel()) / np.bincount(number)
         assert np.allclose(WHOLE.forward[rows][:, c], mean, atol=1e-4)
     static = np.zeros_like(FORWARD[:1])
-    shut = features.measure(FRAMES[:2], SEGMENTS[:2], static, static, ["ok"], 2, None, S)
-    open_ = features.measure(FRAMES[:2], SEGMENTS[:2], static + 3, static, ["ok"], 2, None, S)
+    shut = extraction.measure(FRAMES[:2], SEGMENTS[:2], static, static, ["ok"], 2, None, S)
+    open_ = extraction.measure(FRAMES[:2], SEGMENTS[:2], static + 3, static, ["ok"], 2, None, S)
     assert np.allclose(shut.forward[:, ERROR], 0)
     assert np.allclose(open_.forward[:, ERROR], np.hypot(3, 3), atol=1e-4)
 
@@ -142,20 +143,22 @@ def test_features_do_not_depend_on_how_the_video_is_cut(lengths):
 
 
 def test_a_part_of_the_features_is_the_features_of_that_part():
-    alone = features.measure(FRAMES[1:4], SEGMENTS[1:4], FORWARD[1:3], BACKWARD[1:3], ["ok"] * 2, 3, None, S)
+    alone = extraction.measure(
+        FRAMES[1:4], SEGMENTS[1:4], FORWARD[1:3], BACKWARD[1:3], ["ok"] * 2, 3, None, S
+    )
     assert same(WHOLE.part(1, 4), alone)
     assert same(SuperpixelFeatures(**WHOLE.arrays()), WHOLE)
 
 
 def test_a_cut_has_no_links():
-    cut = features.measure(FRAMES[:2], SEGMENTS[:2], FORWARD[:1], BACKWARD[:1], ["cut"], 2, None, S)
+    cut = extraction.measure(FRAMES[:2], SEGMENTS[:2], FORWARD[:1], BACKWARD[:1], ["cut"], 2, None, S)
     assert len(cut.link) == 0
     assert not cut.forward.any()
     assert cut.state.tolist() == [1]
 
 
 def test_links_of_few_pixels_are_left_out():
-    few = features.measure(
+    few = extraction.measure(
         FRAMES[:2], SEGMENTS[:2], FORWARD[:1], BACKWARD[:1], ["ok"], 2, None, Links(link_least=10)
     )
     rows = slice(*WHOLE.link_offset[:2])

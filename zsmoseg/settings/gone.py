@@ -17,7 +17,7 @@ GONE: dict[str, str] = {
     "objects.threshold_sure": "is the constant threshold_sure = 0.26 of zsmoseg.proposals.embedded.threshold.Threshold now",
     "objects.top_least": "is the constant top_least = 1.0 of zsmoseg.proposals.embedded.full_motion.FullMotion now",
     "objects.trust_least": "is the constant trust_least = 0.05 of zsmoseg.proposals.embedded.visibility.Trust now",
-    "tables.link_least": "is the constant link_least = 2 of zsmoseg.proposals.embedded.features.Links now",
+    "tables.link_least": "is the constant link_least = 2 of zsmoseg.proposals.embedded.extraction.Links now",
     "groups.frames": "is groups.least_pairs now",
     "groups.keep": "is groups.below_strongest now",
 }

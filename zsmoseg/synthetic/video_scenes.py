@@ -1,4 +1,4 @@
-"""Rendered clips."""
+"""Clips rendered with bodies whose motion is known, as PNG folders and truth."""
 
 from __future__ import annotations
 

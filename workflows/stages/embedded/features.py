@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from zsmoseg import settings
 from zsmoseg.flow.pairs import STATES
-from zsmoseg.proposals.embedded.features import Links, SuperpixelFeatures, measure
+from zsmoseg.proposals.embedded.extraction import Links, measure
+from zsmoseg.proposals.embedded.features import SuperpixelFeatures
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import Part, Stage, ignored, reach

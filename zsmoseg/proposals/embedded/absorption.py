@@ -9,6 +9,8 @@ import numpy as np
 from zsmoseg.proposals.embedded.aliases import Floats, Ints
 from zsmoseg.proposals.embedded.signed_graph import SignedGraph, follow
 
+LEAST = 1e-9
+"""Smallest contact that is divided by, px."""
 Values = dict[int, dict[int, float]]
 """By one part and the other, both ways round."""
 
@@ -46,7 +48,7 @@ def absorb(part: Ints, signed: SignedGraph, size: Floats, share: float) -> Ints:
         beside = attractions[p]
         if not beside or pixels >= share * max(total[q] for q in beside):
             continue
-        best = max(beside, key=lambda q: (attractions[p][q] / max(contacts[p][q], 1e-9), -q))
+        best = max(beside, key=lambda q: (attractions[p][q] / max(contacts[p][q], LEAST), -q))
         into[p] = best
         total[best] += pixels
         _merge(attractions, best, p)

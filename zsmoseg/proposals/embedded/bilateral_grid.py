@@ -17,6 +17,8 @@ from zsmoseg.proposals.embedded.graph import Graph
 
 LOWEST, HIGHEST = np.array([0, -48, -48]), np.array([100, 48, 48])
 """Colours (L, a, b) that have cells of their own; few are stronger, and the grid is held in memory."""
+LEAST = 1e-9
+"""Smallest weight that is divided by, px."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ def smooth(graph: Graph, x: Floats, cells: BilateralGrid) -> Floats:
     for step, number in zip(stride, count, strict=True):
         blur(grid.reshape(-1, number, 2 * step))
     mean = slice_grid(point, stride, grid)
-    return np.asarray(mean[:, 1] / np.maximum(mean[:, 0], 1e-9))
+    return np.asarray(mean[:, 1] / np.maximum(mean[:, 0], LEAST))
 
 
 @nb.njit(cache=True)

@@ -25,6 +25,8 @@ RIDGE, RIDGE_LEAST = 1e-5, 0.1
 """Regularisation of a fit over its sum of weights, and the px that sum counts at least: a frame without any is 0."""
 MAD = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
+BINS = 128
+"""Of a histogram of residuals; two of them, one in a bin of the other, find a median to 1 / 16384 of the largest."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,9 @@ def own_motion(graph: Graph, weight: Floats, camera: Camera) -> Motion:
     basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 1)
 
     def beyond(flow: Floats) -> Floats:
-        field = fit_fields(graph.offset, basis, flow, weight, camera)
-        return np.asarray(flow[:, [U, V]] - np.einsum("nk,nkc->nc", basis, field[graph.frame]), np.float64)
+        there = np.ascontiguousarray(flow[:, [U, V]])
+        field = fit_fields(graph.offset, basis, there, weight, camera)
+        return np.asarray(there - np.einsum("nk,nkc->nc", basis, field[graph.frame]), np.float64)
 
     return beyond(graph.forward), beyond(graph.backward)
 
@@ -73,7 +76,7 @@ def fit_fields(offset: Ints, basis: Floats, flow: Floats, weight: Floats, camera
     offset
         (F + 1) first superpixel of each frame.
     basis, flow, weight
-        (superpixels, 6); (superpixels, 2 or more), x and y first, px; (superpixels).
+        (superpixels, 6); (superpixels, 2) x, y, px; (superpixels).
 
     Returns
     -------
@@ -109,8 +112,8 @@ def normal_equations(offset: Ints, basis: Floats, flow: Floats, weight: Floats) 
                 scaled = weight[k] * basis[k, i]
                 for j in range(i + 1):
                     normal[t, i, j] += scaled * basis[k, j]
-                right[t, i, 0] += scaled * flow[k, U]
-                right[t, i, 1] += scaled * flow[k, V]
+                right[t, i, 0] += scaled * flow[k, 0]
+                right[t, i, 1] += scaled * flow[k, 1]
         for i in range(TERMS):
             for j in range(i):
                 normal[t, j, i] = normal[t, i, j]
@@ -137,7 +140,7 @@ def reweigh(offset: Ints, basis: Floats, flow: Floats, weight: Floats, field: Fl
     residual, out = np.empty(len(weight)), np.empty(len(weight))
     for t in range(len(offset) - 1):
         for k in range(offset[t], offset[t + 1]):
-            u, v = flow[k, U], flow[k, V]
+            u, v = flow[k, 0], flow[k, 1]
             for i in range(TERMS):
                 u -= basis[k, i] * field[t, i, 0]
                 v -= basis[k, i] * field[t, i, 1]
@@ -151,7 +154,7 @@ def reweigh(offset: Ints, basis: Floats, flow: Floats, weight: Floats, field: Fl
 
 @nb.njit(cache=True)
 def _weighted_median(x: Floats, weight: Floats) -> float:
-    """To 1 / 16384 of the largest: a histogram of 128 bins, then one of the bin that holds it; far faster than sorting."""
+    """By a histogram, then one of the bin that holds it: no sorting, for this runs in each round for each frame."""
     low, width, below, half = 0.0, 0.0, 0.0, 0.0
     for k in range(len(x)):
         width = max(width, x[k])
@@ -159,14 +162,14 @@ def _weighted_median(x: Floats, weight: Floats) -> float:
     if width == 0.0:
         return 0.0
     for _ in range(2):
-        count = np.zeros(128)
+        count = np.zeros(BINS)
         for k in range(len(x)):
-            place = (x[k] - low) / width * 128
-            if 0.0 <= place <= 128.0:
-                count[min(int(place), 127)] += weight[k]
+            place = (x[k] - low) / width * BINS
+            if 0.0 <= place <= BINS:
+                count[min(int(place), BINS - 1)] += weight[k]
         b = 0
-        while b < 127 and below + count[b] < half:
+        while b < BINS - 1 and below + count[b] < half:
             below += count[b]
             b += 1
-        low, width = low + b * width / 128, width / 128
+        low, width = low + b * width / BINS, width / BINS
     return low + width

@@ -11,6 +11,9 @@ from zsmoseg.proposals.embedded.features_loops import ERROR
 from zsmoseg.proposals.embedded.graph import Graph
 from zsmoseg.proposals.embedded.sums import sum_around
 
+SALIENCY_LEAST, LEAST = 1e-6, 1e-9
+"""Smallest saliency, and smallest of other numbers, that is divided by."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Cleanness:
@@ -66,7 +69,7 @@ def persistence(
     bins
         Of the histogram of cleanness.
     """
-    share = np.clip(clean / np.maximum(x, 1e-6), 0, 1)
+    share = np.clip(clean / np.maximum(x, SALIENCY_LEAST), 0, 1)
     key = graph.frame * bins + np.minimum((share * bins).astype(np.int64), bins - 1)
     shape = graph.frames, bins
     count = np.bincount(key, graph.size * x**2, graph.frames * bins).reshape(shape).astype(np.float64)
@@ -74,7 +77,7 @@ def persistence(
     total = count[:, -1:]
     cleanest = ((count < parameters.clean_top * total).sum(1) + 0.5) / bins
     half = np.minimum((cleanest * parameters.clean_half * bins).astype(np.int64), bins - 1)
-    unclean = count[np.arange(graph.frames), half] / np.maximum(total[:, 0], 1e-9)
+    unclean = count[np.arange(graph.frames), half] / np.maximum(total[:, 0], LEAST)
     demand = _ramp(cleanest, parameters.clean_from, parameters.clean_full)
     demand = demand * _ramp(unclean, parameters.unclean_from, parameters.unclean_full)
     exponent = parameters.clean_power * demand[graph.frame]
@@ -83,4 +86,4 @@ def persistence(
 
 def _ramp(x: Floats, low: float, high: float) -> Floats:
     """0 below ``low``, 1 above ``high``, straight between."""
-    return np.asarray(np.clip((x - low) / max(high - low, 1e-9), 0, 1))
+    return np.asarray(np.clip((x - low) / max(high - low, LEAST), 0, 1))

@@ -97,10 +97,10 @@ def judge(graph: Graph, parameters: Saliency) -> Judgement:
     # 5. diffusion: of all of it, and of what comes from flow that closes
     both = np.stack([closed, closed * cleanness(graph, own_speed, p.cleanness)], 1)
     spread, clean = diffuse(known.weight, both, p.diffusion.spread, p.diffusion.tolerance, known.trust).T
-    # 7. persistence, before the threshold, which it may lower
+    # 6. persistence
     window, bins = p.threshold.window, p.threshold.threshold_bins
     lasting = spread * persistence(graph, spread, clean, p.persistence, window, bins)
-    # 6. threshold, and the score of the frames
+    # 7. threshold, and the score of the frames
     threshold = thresholds(graph, lasting, known.contrast, p.threshold)
     foreground = probability(graph, lasting, threshold, p.threshold)
     # 8. visibility
@@ -115,7 +115,7 @@ def judge(graph: Graph, parameters: Saliency) -> Judgement:
 
 
 def first_guess(graph: Graph, known: _Known, parameters: Saliency) -> Floats:
-    """(superpixels) 0 to 1: foreground by steps 3 to 6, the camera fitted to everything."""
+    """(superpixels) 0 to 1: foreground by steps 3 to 7 but for persistence, the camera fitted to everything."""
     p = parameters
     own = own_motion(graph, graph.size, p.camera)
     closed = moving(graph, speed(graph, own), p.full_motion, p.enclosure) * known.enclosed

@@ -133,7 +133,7 @@ def _nearest(
 ) -> int:
     """The nearest centre of the 3 x 3 grid cells around cell (i, j), in which pixel (y, x) lies."""
     c0, c1, c2 = lab[y, x, 0], lab[y, x, 1], lab[y, x, 2]
-    best, nearest = np.float32(1e18), 0
+    best, nearest = np.float32(np.inf), 0
     for row in range(max(0, i - 1), min(rows, i + 2)):
         first = row * columns
         for k in range(first + max(0, j - 1), first + min(columns, j + 2)):

@@ -19,8 +19,8 @@ CLASS_LEAST = 0.002
 """Smallest foreground that a threshold may leave, share of all pixels: less is no class."""
 SALIENCY_LEAST = 1e-4
 """Saliency below this is taken as this, for its logarithm."""
-LEAST = 1e-9
-"""Smallest sum that is divided by."""
+LEAST, VARIANCE_LEAST = 1e-9, 1e-12
+"""Smallest sum and smallest variance that is divided by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +114,7 @@ def _otsu(count: Floats) -> tuple[Floats, Bools]:
     below, moment = np.cumsum(count, 1), np.cumsum(count * centre, 1)
     total = np.maximum(below[:, -1:], LEAST)
     mean, above = moment[:, -1:] / total, total - below
-    variance = np.maximum((count * centre**2).sum(1, keepdims=True) / total - mean**2, 1e-12)
+    variance = np.maximum((count * centre**2).sum(1, keepdims=True) / total - mean**2, VARIANCE_LEAST)
     between = (mean * below - moment) ** 2 / np.maximum(below * above, LEAST) / variance
     return between, above > CLASS_LEAST * total
 

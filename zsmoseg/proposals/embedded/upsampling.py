@@ -10,6 +10,8 @@ from zsmoseg.proposals.embedded.guided_filter import GuidedFilter, guided_filter
 
 REACH = 3
 """Radii of the filter around the objects beyond which it is 0: two windows, and one to spare."""
+HALF = 0.5
+"""Filtered mask from which a pixel is inside."""
 
 
 def paint(
@@ -42,7 +44,7 @@ def paint(
     soft = np.zeros(label.shape, np.float32)
     guide = frame[box].astype(np.float32) / np.float32(255)
     soft[box] = guided_filter(guide, (inside > 0).astype(np.float32), parameters)
-    mask = cv2.resize(soft, shape[::-1], interpolation=cv2.INTER_LINEAR) > 0.5
+    mask = cv2.resize(soft, shape[::-1], interpolation=cv2.INTER_LINEAR) > HALF
     label[box] = spread_ids(inside)
     full = cv2.resize(label, shape[::-1], interpolation=cv2.INTER_NEAREST_EXACT)
     return np.where(mask, full, 0).astype(np.uint16)
