@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 from conftest import draw_clip, write_folder
+from numpy.typing import NDArray
 from PIL import Image
 from runs import masks, segment
 
+import zsmoseg
+from zsmoseg import settings
 from zsmoseg.errors import SettingsError
 from zsmoseg.metrics.clips import Clip, SequenceScore
 from zsmoseg.metrics.deferred import Deferred
 from zsmoseg.metrics.protocols import PROTOCOLS, Protocol, Rules
+from zsmoseg.stores.arrays import Arrays
+from zsmoseg.stores.fields import table
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.evaluate.reports import REPORTS
 from zsmoseg.workflows.export.painting import painted
 from zsmoseg.workflows.export.registry import FORMATS, Choice, Format
 from zsmoseg.workflows.result import Result
+from zsmoseg.workflows.stage import Part, Stage, reach
+from zsmoseg.workflows.stages.cues.flow import BACKENDS, Flow, Vectors
+from zsmoseg.workflows.stages.cues.flow import Inputs as FlowInputs
+from zsmoseg.workflows.stages.cues.flow import Sections as FlowSections
+from zsmoseg.workflows.stages.cues.frames import Frames
+from zsmoseg.workflows.stages.graph import GRAPHS
 
 
 @pytest.fixture
@@ -120,3 +133,86 @@ def test_every_function_that_a_registry_names_is_there() -> None:
     found = [f.load() for f in named if isinstance(f, Deferred)]
     assert len(found) > 20
     assert all(map(callable, found))
+
+
+# ---------------------------------------------------------------------- a backend of flow
+def still(part: Part, inputs: FlowInputs, s: FlowSections) -> Iterator[tuple[Vectors, Vectors]]:
+    """A toy: nothing moves."""
+    zero = np.zeros((2, *inputs.frames.image.shape[1:3]), np.float32)
+    return ((zero, zero) for _ in range(part.start, part.last_pair))
+
+
+@pytest.fixture
+def one_more_source() -> Iterator[None]:
+    """The value ``still`` of ``flow.source``, as an edit of the settings would add it."""
+    field = settings.Flow.model_fields["source"]
+    before = field.annotation
+    field.annotation = Literal["auto", "dis", "imported", "still"]  # type: ignore[assignment]
+    rebuild()
+    yield
+    field.annotation = before
+    rebuild()
+
+
+def rebuild() -> None:
+    settings.Flow.model_rebuild(force=True)
+    settings.Settings.model_rebuild(force=True)
+
+
+def test_a_backend_of_flow_is_a_function_and_a_line_in_the_stage(
+    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_more_source: None
+) -> None:
+    monkeypatch.setitem(BACKENDS, "still", still)
+    report, counter = segment(clip, tmp_path, {"flow.source": "still"})
+    assert "flow" in counter.stages
+    (plan,) = report.plans
+    flow = Flow.read(plan.stages["flow"].artifact)
+    assert flow.forward.shape[0] == 9
+    assert not flow.forward.any()
+    assert not masks(tmp_path / "out" / "disc").any(), "where nothing flows nothing moves"
+
+
+# ---------------------------------------------------------------------- a stage
+@dataclass(frozen=True)
+class Brightness(Arrays):
+    """A toy: how bright each frame is."""
+
+    level: NDArray[np.float32] = table(
+        "frame", dtype="float32", meaning="mean grey level", unit="grey levels"
+    )
+
+
+@dataclass(frozen=True)
+class BrightnessInputs:
+    frames: Frames = reach()
+
+
+@dataclass(frozen=True)
+class BrightnessSections:
+    frames: settings.Frames
+
+
+def brightness(part: Part, inputs: BrightnessInputs, s: BrightnessSections) -> Iterator[Brightness]:
+    level = inputs.frames.image.mean((1, 2, 3)).astype(np.float32)
+    yield Brightness(start=part.start, stop=part.stop, level=level)
+
+
+def test_a_stage_is_one_file_and_a_line_in_the_graph(
+    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = Stage("brightness", 1, brightness, BrightnessInputs, BrightnessSections, Brightness)
+    monkeypatch.setitem(GRAPHS, "embedded-flow", {**GRAPHS["embedded-flow"], "brightness": stage})
+    report, counter = segment(clip, tmp_path)
+    assert ("brightness", 2) in counter.parts, "cut into chunks as all others"
+    result = zsmoseg.open_store(tmp_path / "store")["disc"]
+    level = result.tree["brightness/level"]
+    assert level.dims == ("frame",)
+    assert level.attrs["units"] == "grey levels"
+    expected = result.tree["frames/image"].mean(("y", "x", "channel"))
+    np.testing.assert_allclose(level, expected, rtol=1e-5)
+    assert level.sel(frame=3).coords["name"] == "00003"
+    _, again = segment(clip, tmp_path)
+    assert not again.parts, "and nothing is done twice"
+    _, other = segment(clip, tmp_path, {"frames.width": 96})
+    assert "brightness" in other.stages
+    assert len(report.plans) == 1
