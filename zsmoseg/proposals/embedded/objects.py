@@ -34,8 +34,11 @@ class Objects:
     """Parameters of ``find_objects``."""
 
     saliency: Saliency
+    """What moves by itself."""
     partition: Partition
+    """What moves apart."""
     selection: Selection
+    """What is too little."""
 
 
 def find_objects(

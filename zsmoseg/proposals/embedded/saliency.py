@@ -36,19 +36,30 @@ FIRST_TOLERANCE = 3e-2
 
 @dataclass(frozen=True)
 class Saliency:
-    """Parameters of all steps."""
+    """Parameters of all steps, numbered as in ``docs/embedded.md``."""
 
     camera: Camera
+    """Fit of the camera's motion (step 3)."""
     full_motion: FullMotion
+    """Scale of motion (4, 8)."""
     enclosure: Enclosure
+    """Geodesic distance from the border (4)."""
     diffusion: Diffusion
+    """Ties of like colour (5, 9)."""
     trust: Trust
+    """Say of what has little texture (5)."""
     contrast: Contrast
+    """Contrast of boundaries (7, 9)."""
     threshold: Threshold
+    """Threshold and score (7, 9)."""
     cleanness: Cleanness
+    """How well flow closes (6)."""
     persistence: Persistence
+    """Where that is demanded (6)."""
     visibility: Visibility
+    """What motion must show (8)."""
     bilateral_grid: BilateralGrid
+    """Likeness in colour, place and time (9)."""
 
 
 @dataclass(frozen=True)
