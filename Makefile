@@ -1,6 +1,7 @@
 # make demo [VIDEO=path]   segment a video (without VIDEO: a synthetic clip, scored)
 # make test                the tests
 # make check               tests, then style, types, layers and the installed wheel
+# make coverage            the tests, and which lines they do not reach
 # Each sets up what it needs in .venv.
 
 PYTHON ?= python3
@@ -8,7 +9,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test check check-style clean
+.PHONY: demo test check check-style coverage clean
 
 demo: $(READY)
 ifdef VIDEO
@@ -33,6 +34,9 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
 	touch $(READY)
+
+coverage: $(READY)
+	$(BIN)/python -m pytest --cov=zsmoseg --cov-report=term:skip-covered
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info

@@ -34,6 +34,8 @@ MOST = {
     "unclean_full": 1.0,
 }
 """Shares end at 1."""
+LEAST = {"pitch": 4.0}
+"""Below it there are more superpixels than their numbers can tell apart."""
 CUES = {"pitch", "compactness", "passes", "link_least"}
 """What is before the objects."""
 T = TypeVar("T")
@@ -95,8 +97,8 @@ def main() -> None:
         if wanted and name not in wanted:
             continue
         for factor in (0.5, 2):
-            other = type(value)(min(value * factor, MOST.get(name, np.inf)))
-            if other != value and not (name == "pitch" and factor == 0.5):
+            other = type(value)(np.clip(value * factor, LEAST.get(name, 0), MOST.get(name, np.inf)))
+            if other != value:
                 a, b = means(changed(start, {name: other}), name in CUES)
                 word = "setting" if name in own else "constant"
                 print(f"{name:16} {other:8.5g} {a - ten:+7.2f} {b - hard:+7.2f}  {word}", flush=True)

@@ -161,14 +161,3 @@ class PartWriter:
         files.remove(self._tables.path)
         for name in self.artifact.arrays:
             files.remove(self.artifact.path / name / "c" / str(self.part))
-
-
-def write_part(artifact: Artifact, part: int, *blocks: Arrays, **facts: Any) -> PartRecord:
-    """Write a part at once, over what it had before; see ``PartWriter``."""
-    with PartWriter(artifact, part) as writer:
-        for block in blocks:
-            writer.put(block)
-        writer.facts = facts
-    record = artifact.part(part)
-    assert record is not None
-    return record

@@ -37,7 +37,7 @@ def main() -> None:
             check=True,
         )
         script = (
-            "import sys; sys.path.insert(0, sys.argv[1]); import zsmoseg, zsmoseg.workflows.stages as s; "
+            "import sys; sys.path.insert(0, sys.argv[1]); import zsmoseg, zsmoseg.workflows.stages.graph as s, zsmoseg.workflows.cli, zsmoseg.workflows.export.registry; "
             "assert zsmoseg.__file__.startswith(sys.argv[1]); print(len(s.names()), 'stages')"
         )
         subprocess.run([sys.executable, "-I", "-c", script, str(site)], check=True, cwd=folder)

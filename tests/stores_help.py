@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.stores import writer
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.beginning import begin
@@ -17,6 +16,7 @@ from zsmoseg.stores.fields import table, video, videos_of
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.stores.sealing import seal
+from zsmoseg.stores.writer import PartWriter
 
 FINGERPRINT = "0123456789abcdef" * 4
 SIZE = (6, 7)
@@ -85,8 +85,15 @@ def block_of(artifact: Artifact, part: int, whole: dict[str, np.ndarray]) -> Eve
     )
 
 
+def put_blocks(artifact: Artifact, part: int, *blocks: Arrays, **facts: Any) -> None:
+    with PartWriter(artifact, part) as writer:
+        for block in blocks:
+            writer.put(block)
+        writer.facts = facts
+
+
 def write_part(artifact: Artifact, part: int, whole: dict[str, np.ndarray], **facts: Any) -> None:
-    writer.write_part(artifact, part, block_of(artifact, part, whole), **facts)
+    put_blocks(artifact, part, block_of(artifact, part, whole), **facts)
 
 
 def lay_out(artifact: Artifact, frames: int = 10, length: int = 4) -> None:

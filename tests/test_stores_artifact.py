@@ -25,6 +25,7 @@ from stores_help import (
     lay_out,
     make_artifact,
     make_store,
+    put_blocks,
     seal_it,
     specs,
     times,
@@ -32,7 +33,6 @@ from stores_help import (
 )
 
 from zsmoseg.errors import StoreError
-from zsmoseg.stores import writer
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.beginning import begin
@@ -99,7 +99,7 @@ def test_zarr_reads_tables_as_they_were_written(
 
     artifact = Artifact(tmp_path_factory.mktemp("table"))
     begin(artifact, {"stage": "s"}, [(0, 3)])
-    writer.write_part(artifact, 0, One(start=0, stop=3, t=values))
+    put_blocks(artifact, 0, One(start=0, stop=3, t=values))
     seal(artifact, One, *times(3))
     found = zarr.open_group(artifact.path, mode="r")["t"]
     assert found.dtype == values.dtype
@@ -110,7 +110,7 @@ def test_zarr_reads_tables_as_they_were_written(
 def test_tables_of_text_are_refused(store: Store) -> None:
     artifact = make_artifact(store)
     with pytest.raises(TypeError, match="state: expected int32"):
-        writer.write_part(artifact, 0, Everything(start=0, stop=4, state=np.array(["a", "b"])))
+        put_blocks(artifact, 0, Everything(start=0, stop=4, state=np.array(["a", "b"])))
     with pytest.raises(TypeError, match="expected booleans"):
         pack(np.array(["a", "b"]))
 
@@ -161,14 +161,14 @@ def test_arrays_of_wrong_type_or_shape_are_refused_by_name(
 ) -> None:
     artifact, whole = make_artifact(store), content(10)
     with pytest.raises(error, match=name):
-        writer.write_part(artifact, 0, replace(block_of(artifact, 0, whole), **{name: values}))
+        put_blocks(artifact, 0, replace(block_of(artifact, 0, whole), **{name: values}))
     assert artifact.part(0) is None
 
 
 def test_a_part_that_lacks_an_array_gets_no_record(store: Store) -> None:
     artifact = make_artifact(store)
     with pytest.raises(ValueError, match="lacks forward, label"):
-        writer.write_part(artifact, 0, Everything(start=0, stop=4, image=content(10)["image"][:4]))
+        put_blocks(artifact, 0, Everything(start=0, stop=4, image=content(10)["image"][:4]))
     assert part_problem(artifact, 0) == "not computed yet"
     assert artifact.done is None
 
@@ -258,7 +258,7 @@ def test_frames_that_no_block_knows_are_unknown(store: Store) -> None:
     artifact = Artifact(store.path / "sparse")
     begin(artifact, {"stage": "s"}, [(0, 8)])
     blocks = [(0, 3), (5, 8)]
-    writer.write_part(
+    put_blocks(
         artifact,
         0,
         *(
@@ -297,8 +297,8 @@ def test_a_task_that_fails_leaves_no_record(store: Store) -> None:
 def test_a_part_written_again_loses_what_it_had(store: Store) -> None:
     artifact = Artifact(store.path / "again")
     begin(artifact, {"stage": "s"}, [(0, 10)])
-    writer.write_part(artifact, 0, Ragged(start=0, stop=10, rows=np.arange(10), seen=np.zeros(0, np.int64)))
-    writer.write_part(artifact, 0, Ragged(start=0, stop=10, rows=np.ones(10, np.int64)))
+    put_blocks(artifact, 0, Ragged(start=0, stop=10, rows=np.arange(10), seen=np.zeros(0, np.int64)))
+    put_blocks(artifact, 0, Ragged(start=0, stop=10, rows=np.ones(10, np.int64)))
     assert [list(block.tables) for block in artifact.blocks(0)] == [["rows"]]
     assert Ragged.read(artifact).seen is None
     assert Ragged.read(artifact).rows.sum() == 10

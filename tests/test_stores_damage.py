@@ -21,13 +21,14 @@ from stores_help import (
     lay_out,
     make_artifact,
     make_store,
+    put_blocks,
     seal_it,
     truncate,
     write_part,
 )
 
 from zsmoseg.errors import SpaceError, StoreError
-from zsmoseg.stores import files, writer
+from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.beginning import begin
 from zsmoseg.stores.checks import check, joined_problem, part_problem
@@ -160,7 +161,7 @@ def test_a_shard_of_other_content_and_equal_size_is_found_by_content(store: Stor
     one, two = Artifact(store.path / "a"), Artifact(store.path / "b")
     for artifact, value in ((one, 1), (two, 2)):
         begin(artifact, {}, [(0, 3)])
-        writer.write_part(artifact, 0, Everything(start=0, stop=3, state=np.full(2, value, np.int32)))
+        put_blocks(artifact, 0, Everything(start=0, stop=3, state=np.full(2, value, np.int32)))
     table = "records/0000.tables"
     (one.path / table).write_bytes((two.path / table).read_bytes())
     assert check(one) == []
