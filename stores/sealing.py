@@ -78,8 +78,7 @@ def seal(
     for dim, source in IDS_OF.items():
         if dim in whole.sizes and source in joined.ids:
             ids = joined.ids[source]
-            about = tables_of(kind)[source].attributes
-            whole.put(dim, [ids], ids.shape, ids.dtype, (dim,), 0, about)
+            whole.put(dim, [ids], ids.shape, ids.dtype, (dim,), 0, {})
     _coordinates(whole, described, times, names)
     whole.close()
     records = [recall_record(artifact.record_path(part)) for part in range(len(artifact.parts))]

@@ -18,7 +18,7 @@ Ids = NDArray[np.int64]
 class Objects(Arrays):
     """What every front end leaves of its objects: they are numbered through the video and live in one shot."""
 
-    shot: Ids = table("shot", dtype="int64", meaning="number of the shot")
+    shot: Ids = table("shot", dtype="int64", meaning="shot")
     first_frame: Ids = table("shot", dtype="int64", meaning="its first frame")
     end_frame: Ids = table("shot", dtype="int64", meaning="the frame after its last one")
     last_object: Ids = table("shot", dtype="int64", meaning="largest object up to its end")
@@ -37,7 +37,7 @@ class Labels(Arrays):
         grid="displayed",
         codec="label",
     )
-    object: Ids = table("object", dtype="int64", meaning="number of the object")
+    object: Ids = table("object", dtype="int64", meaning="object")
     area: Ids = table("frame", "object", dtype="int64", meaning="pixels of the object", unit="px^2")
 
 

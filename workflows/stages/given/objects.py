@@ -30,7 +30,7 @@ class GivenObjects(Objects):
     masks: Ids = table("frame", dtype="int64", meaning="how many masks it has")
     number: Ids = table("mask_of_frame", dtype="int64", meaning="number of the mask in its frame")
     object_of: Ids = table("mask_of_frame", dtype="int64", meaning="its object")
-    object: Ids = table("object", dtype="int64", meaning="number of the object")
+    object: Ids = table("object", dtype="int64", meaning="object")
     origin: Ids = table("object", dtype="int64", meaning="its id in the files, 0 where they have none")
 
 

@@ -26,7 +26,7 @@ Pairs = Iterator[tuple[NDArray[np.int64], Floats, Floats]]
 class Affinity(Arrays):
     """The similarity of the objects of a shot; a block is a shot. Objects of different shots have none."""
 
-    object: NDArray[np.int64] = table("object", dtype="int64", meaning="number of the object")
+    object: NDArray[np.int64] = table("object", dtype="int64", meaning="object")
     agreement: Floats = table(
         "cue", "object", "other", dtype="float64", meaning="kernel, summed over pairs of frames", add=True
     )

@@ -26,7 +26,7 @@ Ids = NDArray[np.int64]
 class Epipolar(Arrays):
     """Residuals of pairs of frames some frames apart, by gap, then by start; a block is a shot."""
 
-    object: Ids = table("object", dtype="int64", meaning="number of the object")
+    object: Ids = table("object", dtype="int64", meaning="object")
     first: Ids = table("view_pair", dtype="int64", meaning="first frame of the two")
     gap: Ids = table("view_pair", dtype="int64", meaning="frames between the two", unit="frames")
     residual: Floats = table(

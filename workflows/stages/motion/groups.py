@@ -29,7 +29,7 @@ UNCHANGED = 1e-9
 class Groups(Arrays):
     """The answer, and the evidence for it; a block is a shot."""
 
-    object: Ids = table("object", dtype="int64", meaning="number of the object")
+    object: Ids = table("object", dtype="int64", meaning="object")
     group: Ids = table("object", dtype="int64", meaning="motion group, 0 = static")
     instance: Ids = table("object", dtype="int64", meaning="instance that the object belongs to, 0 = static")
     frames: Ids = table(
@@ -49,7 +49,7 @@ class Groups(Arrays):
         "frame", "object", dtype="bool", meaning="whether it moves at the frame"
     )
     margin: NDArray[np.float32] = table("frame", "object", dtype="float32", meaning="ln(excess / threshold)")
-    shot: Ids = table("shot", dtype="int64", meaning="number of the shot")
+    shot: Ids = table("shot", dtype="int64", meaning="shot")
     yardstick: Floats = table(
         "shot", dtype="float64", meaning="what most of the background stays below", unit="px"
     )

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 class Residuals(Arrays):
     """The residual tensor of the paper, over the objects of a chunk."""
 
-    object: NDArray[np.int64] = table("object", dtype="int64", meaning="number of the object")
+    object: NDArray[np.int64] = table("object", dtype="int64", meaning="object")
     valid: NDArray[np.bool_] = table("pair", dtype="bool", meaning="whether the two frames are a pair")
     residual: Floats = table(
         "pair",

@@ -39,7 +39,7 @@ class Statistics(Arrays):
         "side": ("left", "top", "right", "bottom"),
     }
 
-    object: NDArray[np.int64] = table("object", dtype="int64", meaning="number of the object")
+    object: NDArray[np.int64] = table("object", dtype="int64", meaning="object")
     valid: NDArray[np.bool_] = table("pair", dtype="bool", meaning="whether the two frames are a pair")
     gram: Floats = table(
         "pair", "object", *GRAM, dtype="float64", meaning="sums of products of monomials and flow", fill=0
