@@ -151,9 +151,13 @@ class Artifact:
             yield self.path / name / "zarr.json", json.dumps(content, indent=2).encode()
 
     def invalidate(self, parts: Sequence[int]) -> None:
-        """Take back the records of ``parts``; before them, that the whole is done. Data and metadata stay."""
+        """Take back the records of ``parts``; before them, that the whole is done, and its face for readers.
+
+        Data and metadata of arrays stay; without ``zarr.json`` nobody opens by mistake what is not whole.
+        """
         for part in parts:
             files.remove(self.records / "done.json")
+            files.remove(self.path / "zarr.json")
             files.remove(self.record_path(part))
 
     def siblings(self) -> list[Artifact]:

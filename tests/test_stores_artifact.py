@@ -343,6 +343,8 @@ def test_the_same_input_gives_the_same_bytes_in_every_file(tmp_path: Path) -> No
     first, second = (make_artifact(make_store(tmp_path / name)) for name in "ab")
     write_part(second, 1, content(10, seed=5))
     write_part(second, 1, content(10))
+    assert not (second.path / "zarr.json").exists(), "what is not whole is not opened by mistake"
+    seal_it(second)
     assert data_files(first) == data_files(second)
     assert len(data_files(first)) > 20
 
