@@ -93,9 +93,10 @@ class Arrays:
             yield self._of(Source(source.kind, source.artifact, block.start, block.stop, block))
 
     def has(self, name: str) -> bool:
-        """Whether a block holds the table ``name``, without reading it."""
+        """Whether these frames have the table ``name``, without reading it."""
         source: Source = self.__dict__["_source"]
-        return source.block is not None and name in source.block.tables
+        found = [source.block] if source.block else blocks(source.artifact, self.start, self.stop)
+        return any(name in block.tables for block in found)
 
 
 def join(kind: type[Arrays], artifact: Artifact, found: Sequence[Block], start: int, stop: int) -> Joined:

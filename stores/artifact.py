@@ -150,14 +150,18 @@ class Artifact:
         for name, content in self.laid_out.get("layout", {}).items():
             yield self.path / name / "zarr.json", json.dumps(content, indent=2).encode()
 
+    def unseal(self) -> None:
+        """Take back that the whole is done, then its face for readers."""
+        files.remove(self.records / "done.json")
+        files.remove(self.path / "zarr.json")
+
     def invalidate(self, parts: Sequence[int]) -> None:
         """Take back the records of ``parts``; before them, that the whole is done, and its face for readers.
 
         Data and metadata of arrays stay; without ``zarr.json`` nobody opens by mistake what is not whole.
         """
         for part in parts:
-            files.remove(self.records / "done.json")
-            files.remove(self.path / "zarr.json")
+            self.unseal()
             files.remove(self.record_path(part))
 
     def siblings(self) -> list[Artifact]:

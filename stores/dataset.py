@@ -19,7 +19,9 @@ def open_dataset(artifact: Artifact) -> xr.Dataset:
     Raises
     ------
     StoreError
-        If anything is missing or damaged: missing data would read as fill values.
+        If anything is missing or has another size than was written: missing data would read as fill values. Content
+        is compared with its checksum when it is read, and Zarr raises a ``ValueError`` where it differs;
+        ``zsmoseg verify`` names the file, the next run makes it again.
     """
     import xarray as xr
 

@@ -27,6 +27,26 @@ IDS_OF = {"model": "object", "other": "object"}
 LABELS: Mapping[str, Sequence[str]] = {"component": ("x", "y"), "channel": ("blue", "green", "red")}
 """Labels of the dimensions that mean the same in every artifact."""
 
+RESERVED = frozenset(
+    {
+        "records",
+        "time",
+        "name",
+        "start",
+        "stop",
+        "labels",
+        "read",
+        "of",
+        "blocks",
+        "has",
+        "x",
+        "y",
+        *TIMES,
+        *IDS_OF,
+    }
+)
+"""Names that coordinates, folders or methods have."""
+
 Codec = Literal["image", "flow", "label"]
 Grid = Literal["working", "displayed"]
 
@@ -93,12 +113,22 @@ def table(
 
 def _declared(field: Field) -> Any:
     """None where it is left out; made by a factory, so that the class has no attribute of that name: see ``Arrays``."""
-    return dataclasses.field(default_factory=lambda: None, metadata={"array": field})
+    about = {"array": field}
+    return dataclasses.field(default_factory=lambda: None, repr=False, compare=False, metadata=about)
 
 
 def fields_of(kind: type) -> Mapping[str, Field]:
-    """The arrays that a dataclass declares, by name."""
-    return {f.name: f.metadata["array"] for f in dataclasses.fields(kind) if "array" in f.metadata}
+    """The arrays that a dataclass declares, by name.
+
+    Raises
+    ------
+    TypeError
+        If one has a name that means something else already.
+    """
+    found = {f.name: f.metadata["array"] for f in dataclasses.fields(kind) if "array" in f.metadata}
+    if taken := RESERVED & found.keys():
+        raise TypeError(f"{kind.__name__}: {', '.join(sorted(taken))} is no name for an array")
+    return found
 
 
 def videos_of(kind: type) -> dict[str, Field]:

@@ -17,6 +17,9 @@ import numpy as np
 from zsmoseg.stores.artifact import Block
 from zsmoseg.stores.fields import IDS_OF, TIMES, Field
 
+CHUNK = 2**22
+"""Bytes, about, of what is widened at once, and compressed at once where it is written."""
+
 Array = np.ndarray[Any, Any]
 Load = Callable[[Block, str], Array]
 
@@ -31,8 +34,8 @@ class Joined:
         Reads one table of a block.
     fixed
         Names of the dimensions that have the same labels in all blocks.
-    pairs
-        Pairs of the video that start before ``stop``: one less than frames where it is the end.
+    last_pair
+        Pairs of the whole video: one less than frames.
     """
 
     fields: Mapping[str, Field]
@@ -50,6 +53,11 @@ class Joined:
         return name if name in self.fields and self.fields[name].dims == (name,) else None
 
     @cached_property
+    def _places(self) -> dict[tuple[int, int, str], Array]:
+        """Those that are known already, by part, start and name of the ids."""
+        return {}
+
+    @cached_property
     def ids(self) -> dict[str, Array]:
         """Every table of ids: the union over all blocks, ascending."""
         found = {}
@@ -64,7 +72,10 @@ class Joined:
         name = self.ids_name(dim)
         if name is None:
             return np.arange(length)
-        return np.asarray(np.searchsorted(self.ids[name], self.load(block, name)))
+        key = block.part, block.start, name
+        if key not in self._places:
+            self._places[key] = np.searchsorted(self.ids[name], self.load(block, name))
+        return self._places[key]
 
     def _length(self, dim: str, lengths: Sequence[int]) -> int:
         name = self.ids_name(dim)
@@ -92,26 +103,39 @@ class Joined:
         return np.concatenate(list(self.rows(name))) if self.streams(name) else self._gathered(name)
 
     def shape(self, name: str) -> tuple[int, ...]:
-        """Of the whole, but the first dimension where it streams rows."""
+        """Of the whole; where rows stream the first number is that of the longest block, and means nothing."""
         entries = [block.tables[name].shape for block in self.having(name)]
         dims = self.fields[name].dims
         return tuple(self._length(dim, [shape[i] for shape in entries]) for i, dim in enumerate(dims))
 
     def rows(self, name: str) -> Iterator[Array]:
-        """The rows of a table that streams, in order, a block of them at a time."""
+        """The rows of a table that streams, in order, some at a time: never more than ``CHUNK`` bytes widened.
+
+        Raises
+        ------
+        ValueError
+            Plain rows are asked for of a part of a block: nobody knows which belong to its frames.
+        """
         field, shape = self.fields[name], self.shape(name)
         timed = field.dims[0] in TIMES
+        cut = [block for block in self.having(name) if block.start < self.start or block.stop > self.stop]
+        if cut and not timed:
+            raise ValueError(
+                f"{name}: rows of frames {self.start} to {self.stop - 1} alone; read it by blocks()"
+            )
+        length = max(1, CHUNK // max(int(np.prod(shape[1:])) * np.dtype(field.dtype).itemsize, 1))
         end = min(self.stop, self.last_pair) if field.dims[0] == "pair" else self.stop
         at = self.start
         yield np.zeros((0, *shape[1:]), field.dtype)
         for block in self.having(name):
-            values = self._widened(name, block, self.load(block, name), shape[1:])
+            values = self.load(block, name)
             if timed:
                 values = values[max(at - block.start, 0) : max(end - block.start, 0)]
                 first = max(block.start, at)
                 yield self._unknown(field, (max(min(first, end) - at, 0), *shape[1:]))
                 at = max(at, first + len(values)) if len(values) else max(at, min(first, end))
-            yield values
+            for row in range(0, len(values), length):
+                yield self._widened(name, block, values[row : row + length], shape[1:])
         if timed:
             yield self._unknown(field, (max(end - at, 0), *shape[1:]))
 
@@ -122,7 +146,7 @@ class Joined:
         """The values of a block with every dimension but the first as wide as in the whole."""
         field = self.fields[name]
         places = [self._place(block, d, n) for d, n in zip(field.dims[1:], values.shape[1:], strict=True)]
-        if all(len(place) == n for place, n in zip(places, shape, strict=True)):
+        if all(np.array_equal(place, np.arange(n)) for place, n in zip(places, shape, strict=True)):
             return values
         out = self._unknown(field, (len(values), *shape))
         out[np.ix_(np.arange(len(values)), *places)] = values

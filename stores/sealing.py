@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from zsmoseg.errors import StoreError
-from zsmoseg.stores import files
+from zsmoseg.stores import files, joining
 from zsmoseg.stores.arrays import Arrays, join
 from zsmoseg.stores.artifact import AGAIN, Artifact
 from zsmoseg.stores.checks import part_problem
@@ -21,9 +21,6 @@ from zsmoseg.stores.fields import IDS_OF, LABELS, TIMES, tables_of
 from zsmoseg.stores.packing import as_json, chunk_name, group, metadata, pack, pack_text, pieces
 from zsmoseg.stores.reader import blocks
 from zsmoseg.stores.records import checksum, recall_record, write_record
-
-CHUNK = 2**22
-"""Bytes, about, of what is compressed at once of a joined table."""
 
 Array = np.ndarray[Any, Any]
 
@@ -58,6 +55,7 @@ def seal(
             raise StoreError(f"{artifact.path}: part {part}: {problem}; {AGAIN}")
     if not artifact.parts:
         raise StoreError(f"{artifact.path}: artifact.json is missing or damaged; {AGAIN}")
+    artifact.unseal()
     whole = _Whole(artifact)
     frames = artifact.parts[-1][1]
     joined = join(kind, artifact, blocks(artifact, 0, frames), 0, frames)
@@ -137,7 +135,7 @@ class _Whole:
         """An array, a run of rows at a time; its first dimension is counted on the way."""
         files.remove(self.artifact.path / name)
         width = int(np.prod(shape[1:])) * dtype.itemsize
-        length = max(1, CHUNK // max(width, 1))
+        length = max(1, joining.CHUNK // max(width, 1))
         count, at = 0, 0
         for at, piece in enumerate(pieces(rows, length) if dims else rows):
             padded = _padded(piece, min(length, len(piece)) if at == 0 else length, fill) if dims else piece

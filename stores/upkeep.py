@@ -109,6 +109,6 @@ def take_back(store: Store, deep: bool = True) -> list[Damage]:
         place = damage.path.relative_to(store.path).parts
         if len(place) > 3:
             artifact = store.artifact(*place[:3])
-            files.remove(artifact.records / "done.json")
+            artifact.unseal()
             artifact.invalidate([] if damage.part is None else [damage.part])
     return found

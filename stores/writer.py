@@ -57,7 +57,10 @@ class PartWriter:
         SpaceError
             If the disk is full.
         """
+        if not self._start <= block.start <= block.stop <= self._stop:
+            raise ValueError(f"frames {block.start} to {block.stop - 1} are not in part {self.part}")
         tables: dict[str, list[Any]] = {}
+        lengths: dict[str, int] = {}
         for name, field in fields_of(type(block)).items():
             values = getattr(block, name)
             if values is None:
@@ -70,6 +73,7 @@ class PartWriter:
                 raise TypeError(
                     f"{name}: expected {field.dtype} {field.dims}, got {array.dtype} of shape {array.shape}"
                 )
+            self._check_lengths(block, name, dict(zip(field.dims, array.shape, strict=True)), lengths)
             content = pack(array)
             with self._disk():
                 offset = self._tables.add(content)
@@ -77,6 +81,17 @@ class PartWriter:
             tables[name] = entry
         if tables:
             self._blocks.append({"start": block.start, "stop": block.stop, "tables": tables})
+
+    def _check_lengths(
+        self, block: Arrays, name: str, sizes: dict[str, int], lengths: dict[str, int]
+    ) -> None:
+        """Raise ``ValueError`` where a dimension has not the length that frames, or another table, give it."""
+        frames = block.stop - block.start
+        allowed = {"frame": (frames,), "pair": (frames, frames - 1)}
+        for dim, size in sizes.items():
+            known = allowed.get(dim, (lengths.setdefault(dim, size),))
+            if size not in known:
+                raise ValueError(f"{name}, part {self.part}: expected {known[-1]} along {dim}, got {size}")
 
     def _put_video(self, name: str, values: Array) -> None:
         if name not in self.artifact.arrays:
@@ -139,9 +154,10 @@ class PartWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None:
-            self.close()
-        else:
+        try:
+            if kind is None:
+                self.close()
+        finally:
             self._tables.close()
 
     @contextmanager

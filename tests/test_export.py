@@ -26,11 +26,11 @@ pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:Depreca
 """pycocotools' decoder, which only the tests use, is older than numpy 2."""
 
 
-@pytest.fixture(scope="module")
 def flow_of(result: Any) -> Flow:
     return Flow.read(result.artifact("flow"))
 
 
+@pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two runs of one clip: the last one has depth."""
     root = tmp_path_factory.mktemp("export")

@@ -74,7 +74,7 @@ def test_an_object_that_fills_the_frame_stays_whole():
 def test_the_guided_filter_keeps_what_is_linear_in_the_guide():
     guide = np.random.default_rng(0).random((40, 50, 3)).astype(np.float32)
     x = (0.2 + guide @ np.array([0.5, -0.3, 0.1], np.float32)).astype(np.float32)
-    assert np.abs(guided_filter(guide, x, GuidedFilter(4, 1e-6)) - x).max() < 1e-2
+    assert np.abs(guided_filter(guide, x, GuidedFilter(guide_radius=4, guide_eps=1e-6)) - x).max() < 1e-2
 
 
 def test_the_guided_filter_equals_window_by_window_regression():
@@ -89,4 +89,7 @@ def test_the_guided_filter_equals_window_by_window_regression():
             centred = g - g.mean(0)
             a = np.linalg.solve(centred.T @ centred / 25 + eps * np.eye(3), centred.T @ (t - t.mean()) / 25)
             total.append(a @ guide[6, 6] + t.mean() - a @ g.mean(0))
-    assert abs(guided_filter(guide, x, GuidedFilter(radius, eps))[6, 6] - np.mean(total)) < 1e-3
+    assert (
+        abs(guided_filter(guide, x, GuidedFilter(guide_radius=radius, guide_eps=eps))[6, 6] - np.mean(total))
+        < 1e-3
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import dataclass, fields, is_dataclass
+from importlib import import_module
 from typing import Any, get_type_hints
 
 import pytest
@@ -31,10 +32,16 @@ def test_a_setting_that_is_gone_names_its_successor(monkeypatch: pytest.MonkeyPa
     assert str(error.value) == "settings: flow.pace is flow.stride now"
 
 
-def test_what_is_gone_is_no_setting_and_its_successor_is_one() -> None:
+def test_what_is_gone_is_no_setting_and_its_successor_is_a_setting_or_a_constant() -> None:
     for name, words in GONE.items():
         assert name not in defaults()
-        assert [word for word in words.split() if word in defaults()], words
+        if "constant" in words:
+            constant, _, value, _, where, _ = words.removeprefix("is the constant ").split()
+            module, kind = where.rsplit(".", 1)
+            default = {field.name: field.default for field in fields(getattr(import_module(module), kind))}
+            assert default[constant] == float(value), name
+        else:
+            assert [word for word in words.split() if word in defaults()], words
 
 
 def test_everything_wrong_is_told_at_once() -> None:

@@ -396,7 +396,7 @@ def test_a_sealed_artifact_opens_in_xarray_labelled_and_in_physical_units(
 
 
 def test_long_tables_lie_in_chunks_and_read_as_one(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("zsmoseg.stores.sealing.CHUNK", 40)
+    monkeypatch.setattr("zsmoseg.stores.joining.CHUNK", 40)
     artifact = ragged(store)
     seal(artifact, Ragged, *times(10))
     assert len(list((artifact.path / "value").glob("c.*"))) == 5
