@@ -64,8 +64,10 @@ class Parameters:
     @classmethod
     def of(cls, s: Settings) -> Parameters:
         """Those that settings ask for."""
-        slic, chosen = s.segments.group(Superpixels), s.objects.group(objects.Objects)
-        return cls(s.frames.width, s.flow.group(Dis), slic, Links(), chosen, s.labels.group(GuidedFilter))
+        slic, chosen = s.segments.parameters(Superpixels), s.objects.parameters(objects.Objects)
+        return cls(
+            s.frames.width, s.flow.parameters(Dis), slic, Links(), chosen, s.labels.parameters(GuidedFilter)
+        )
 
 
 @dataclass

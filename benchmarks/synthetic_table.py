@@ -23,7 +23,7 @@ INLIER = {**SHIFT, "groups.rule": "spectral"}
 
 def answer(scene: Scene, settings: Settings) -> ShotGroups:
     """The groups of a scene with its inverse depth."""
-    model, core = settings.motion.chosen(True), settings.group(Core)
+    model, core = settings.motion.chosen(True), settings.parameters(Core)
     return group_arrays(scene.labels, scene.pictures, scene.flow, scene.inverse_depth, model, core)
 
 

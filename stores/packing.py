@@ -114,14 +114,14 @@ def chunk_name(row: int, dimensions: int) -> str:
     return "c" + f".{row}" * min(dimensions, 1) + ".0" * max(dimensions - 1, 0)
 
 
-def group(arrays: Mapping[str, Any]) -> dict[str, Any]:
+def folder_metadata(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """The ``zarr.json`` of the group of ``arrays`` (metadata by name), which it repeats: one file opens them all."""
     known = {name: arrays[name] for name in sorted(arrays)}
     consolidated = {"kind": "inline", "must_understand": False, "metadata": known}
     return {"zarr_format": 3, "node_type": "group", "attributes": {}, "consolidated_metadata": consolidated}
 
 
-def as_json(content: Mapping[str, Any]) -> bytes:
+def json_bytes(content: Mapping[str, Any]) -> bytes:
     """Canonical."""
     return json.dumps(content, sort_keys=True, indent=1, allow_nan=False).encode()
 

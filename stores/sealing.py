@@ -18,7 +18,7 @@ from zsmoseg.stores.arrays import Arrays, join
 from zsmoseg.stores.artifact import AGAIN, Artifact
 from zsmoseg.stores.checks import part_problem
 from zsmoseg.stores.fields import IDS_OF, LABELS, TIMES, tables_of
-from zsmoseg.stores.packing import as_json, chunk_name, group, metadata, pack, pack_text, pieces
+from zsmoseg.stores.packing import chunk_name, folder_metadata, json_bytes, metadata, pack, pack_text, pieces
 from zsmoseg.stores.reader import blocks
 from zsmoseg.stores.records import checksum, recall_record, write_record
 
@@ -156,14 +156,14 @@ class _Whole:
 
     def close(self) -> None:
         """The group, which makes it all readable at once."""
-        root = group(self.arrays)
+        root = folder_metadata(self.arrays)
         told = sorted({"time", "name"} & self.arrays.keys())
         root["attributes"] = {"coordinates": " ".join(told)} if told else {}
-        self._write("zarr.json", as_json(root))
+        self._write("zarr.json", json_bytes(root))
 
     def _described(self, name: str, described: Mapping[str, Any]) -> None:
         self.arrays[name] = described
-        self._write(f"{name}/zarr.json", as_json(described))
+        self._write(f"{name}/zarr.json", json_bytes(described))
 
     def _write(self, name: str, content: bytes) -> None:
         path = self.artifact.path / name

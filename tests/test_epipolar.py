@@ -192,7 +192,7 @@ def test_pairs_of_a_gap_do_not_overlap() -> None:
 def test_residuals_make_an_affinity_that_parts_movers_from_the_scene_alone_and_fused() -> None:
     tracks, label = scene_tracks()
     pairs = ((p.ids, p.residual, p.points) for p in epipolar_residuals(tracks, label, GAPS))
-    view = normalised(*accumulate(pairs, 5, resolve().affinity.group(Kernel)))
+    view = normalised(*accumulate(pairs, 5, resolve().affinity.parameters(Kernel)))
     for affinity in (view, fused([view, view]), fused([view, view], 2)):
         same = np.array([0, 0, 0, 1, 1])
         within = affinity[same[:, None] == same]

@@ -13,7 +13,7 @@ from zsmoseg.flow.dis import Dis, between
 from zsmoseg.flow.pairs import PairCriteria, pair_state
 from zsmoseg.settings import Flow
 
-S = Flow().group(Dis)
+S = Flow().parameters(Dis)
 FAST = ("motocross-jump", "drift-straight", "bmx-trees")
 
 
@@ -26,7 +26,7 @@ def view(image: np.ndarray, x: int, y: int) -> np.ndarray:
 
 
 def state(a: np.ndarray, b: np.ndarray) -> str:
-    return pair_state(a, b, *between(a, b, S), Flow().group(PairCriteria))
+    return pair_state(a, b, *between(a, b, S), Flow().parameters(PairCriteria))
 
 
 def small_frames(davis: Path, name: str) -> list[np.ndarray]:

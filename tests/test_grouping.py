@@ -23,8 +23,8 @@ from zsmoseg.settings import Settings, resolve
 from zsmoseg.synthetic import CAMERAS, Scene, flow_scene
 
 SHIFT = {"motion.model": "screw-shift"}
-SUMS = resolve().statistics.group(Sums)
-CORE = resolve().group(Core)
+SUMS = resolve().statistics.parameters(Sums)
+CORE = resolve().parameters(Core)
 
 
 def answer(scene: Scene, **settings: Any) -> ShotGroups:
@@ -36,7 +36,7 @@ def answer(scene: Scene, **settings: Any) -> ShotGroups:
 def grouped(scene: Scene, chosen: Settings) -> ShotGroups:
     model = chosen.motion.chosen(True)
     return group_arrays(
-        scene.labels, scene.pictures, scene.flow, scene.inverse_depth, model, chosen.group(Core)
+        scene.labels, scene.pictures, scene.flow, scene.inverse_depth, model, chosen.parameters(Core)
     )
 
 
@@ -107,7 +107,7 @@ def residuals_of(scene: Scene) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndar
 @pytest.mark.parametrize("kernel", ["inlier", "ordered", "ordered-weighted"])
 @pytest.mark.parametrize("weight", ["area", "equal"])
 def test_affinity_does_not_depend_on_the_slots_of_chunks(kernel: str, weight: str) -> None:
-    s = resolve(overrides={"affinity.kernel": kernel, "affinity.weight": weight}).affinity.group(Kernel)
+    s = resolve(overrides={"affinity.kernel": kernel, "affinity.weight": weight}).affinity.parameters(Kernel)
     pairs = list(residuals_of(flow_scene(4, n_objects=6, shape=(90, 160), noise=0.2, min_contrast=0.1)))
     whole = accumulate(iter(pairs), 7, s)
     cut = []
@@ -175,7 +175,7 @@ def test_spectral_survives_objects_without_any_affinity() -> None:
 
 # -------------------------------------------------------------------------- decision
 def test_threshold_is_bounded_by_its_terms() -> None:
-    s = resolve().groups.group(Thresholds)
+    s = resolve().groups.parameters(Thresholds)
 
     def threshold_of(nu: float, largest: float, tau: float, s: Any) -> float:
         return float(decision.threshold_of(nu, largest, tau, np.array([s.top_fraction]), s)[0])
@@ -186,12 +186,12 @@ def test_threshold_is_bounded_by_its_terms() -> None:
     assert threshold_of(1.0, 1.0, 1.5, s) == pytest.approx(np.sqrt(1.5)), "half way"
     assert threshold_of(2.0, 2.0, 2.0, s) == pytest.approx(s.below_strongest * 2.0), "the strongest stays"
     assert threshold_of(1.0, 3.0, 2.0, s) < 2.0, "clear proposals are not all dropped"
-    two = resolve(overrides={"groups.count": 2}).groups.group(Thresholds)
+    two = resolve(overrides={"groups.count": 2}).groups.parameters(Thresholds)
     assert threshold_of(0.1, 0.3, 0.2, two) < 0.2, "who asks for two groups says that something moves"
 
 
 def test_what_is_small_beside_the_strongest_needs_more_unless_it_is_certain() -> None:
-    s = resolve().groups.group(Thresholds)
+    s = resolve().groups.parameters(Thresholds)
     part = np.array([s.top_fraction, s.small_fraction])
     large, small = decision.threshold_of(1.0, 2.0, 10.0, part, s)
     assert (large, small) == pytest.approx((s.top_fraction * 10, s.small_fraction * 10))
@@ -204,13 +204,13 @@ def evidence_of(score: list[float], own: list[float]) -> ShotEvidence:
 
 
 def test_what_its_own_motion_explains_no_better_is_no_evidence_beside_what_is_coherent() -> None:
-    s, big = resolve().groups.group(Thresholds), np.array([False, True, True, False])
+    s, big = resolve().groups.parameters(Thresholds), np.array([False, True, True, False])
     assert coherent(evidence_of([0, 6, 2, 3], [1, 1, 2, 2.5]), big, s).tolist() == [False, True, False, False]
     assert coherent(evidence_of([0, 6, 2, 3.8], [1, 1, 1.2, 2.5]), big, s)[1:].all()
 
 
 def test_the_strongest_keeps_its_evidence_however_little_it_is_coherent() -> None:
-    s, big = resolve().groups.group(Thresholds), np.array([False, True, True])
+    s, big = resolve().groups.parameters(Thresholds), np.array([False, True, True])
     assert coherent(evidence_of([0, 1.0, 0.4], [1, 1.2, 1.2]), big, s).tolist() == [False, True, False]
 
 
@@ -344,7 +344,9 @@ def shot(
     flow = rng.normal(0, 0.05, (len(labels) - 1, 2, *labels.shape[1:])).astype(np.float32)
     flow[:, 0][labels[:-1] > 0] += motion
     frames = np.zeros((*labels.shape, 3), np.uint8)
-    return group_arrays(labels, frames, flow, None, "affine", (settings or resolve()).group(Core), **more)
+    return group_arrays(
+        labels, frames, flow, None, "affine", (settings or resolve()).parameters(Core), **more
+    )
 
 
 def blank(frames: int = 5) -> np.ndarray:

@@ -12,13 +12,13 @@ import pytest
 from zsmoseg.flow.dis import Dis, between
 from zsmoseg.grouping.core import Core, group_arrays
 from zsmoseg.grouping.groups import ShotGroups
-from zsmoseg.grouping.instances import Linking, box_gap, nearness
+from zsmoseg.grouping.instances import Joining, box_gap, nearness
 from zsmoseg.grouping.pieces import BINS, Pieces, measure_pieces
 from zsmoseg.metrics.regions import region_j
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import Scene, flow_scene
 
-S = resolve().groups.group(Linking)
+S = resolve().groups.parameters(Joining)
 SHAPE = 120, 160
 STILL = np.zeros((2, 4, 2))
 
@@ -118,7 +118,7 @@ def broken(scene: Scene, gap: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def grouped(scene: Scene, labels: np.ndarray) -> ShotGroups:
-    core = resolve().group(Core)
+    core = resolve().parameters(Core)
     return group_arrays(labels, scene.pictures, scene.flow, scene.inverse_depth, "screw-shift", core)
 
 
@@ -172,9 +172,9 @@ def test_on_real_video_the_mover_stays_and_the_background_goes(
         [cv2.resize(cv2.imread(str(f)), (427, 240), interpolation=cv2.INTER_AREA) for f in files]
     )
     settings = resolve()
-    flow = np.stack([between(a, b, settings.flow.group(Dis))[0] for a, b in pairwise(frames)])
+    flow = np.stack([between(a, b, settings.flow.parameters(Dis))[0] for a, b in pairwise(frames)])
     small = np.stack([cv2.resize(x, (427, 240), interpolation=cv2.INTER_NEAREST_EXACT) for x in labels])
-    found = group_arrays(small, frames, flow, None, "affine", settings.group(Core))
+    found = group_arrays(small, frames, flow, None, "affine", settings.parameters(Core))
     masks = (found.group > 0)[labels]
     kept = 100 * np.mean([region_j(t, p > 0) for t, p in zip(truth, labels, strict=True)])
     j = 100 * np.mean([region_j(t, p) for t, p in zip(truth, masks, strict=True)])

@@ -17,7 +17,7 @@ from zsmoseg.settings import resolve
 from zsmoseg.synthetic import Motion, rigid_flow
 
 SHAPE = 60, 90
-PLAIN = resolve(overrides={"statistics.border": 0}).statistics.group(Sums)
+PLAIN = resolve(overrides={"statistics.border": 0}).statistics.parameters(Sums)
 
 
 def scene(seed: int = 0, objects: int = 4) -> tuple[np.ndarray, np.ndarray]:

@@ -20,8 +20,8 @@ from zsmoseg.proposals.embedded.graph import colour_distance, connect_frames
 from zsmoseg.proposals.embedded.superpixels import Superpixels, segment
 from zsmoseg.settings import Flow, Objects, Segments
 
-S = Objects().group(objects.Objects)
-SLIC = Segments().group(Superpixels)
+S = Objects().parameters(objects.Objects)
+SLIC = Segments().parameters(Superpixels)
 CAMERA = S.saliency.camera
 
 
@@ -31,12 +31,12 @@ class Clip:
     def __init__(self, frames: np.ndarray) -> None:
         self.frames = frames
         self.segments = np.stack([segment(frame, SLIC) for frame in frames])
-        pairs = [between(a, b, Flow().group(Dis)) for a, b in itertools.pairwise(frames)]
+        pairs = [between(a, b, Flow().parameters(Dis)) for a, b in itertools.pairwise(frames)]
         shape = (0, 2, *frames.shape[1:3])
         self.forward = np.stack([a for a, _ in pairs]) if pairs else np.zeros(shape, np.float32)
         self.backward = np.stack([b for _, b in pairs]) if pairs else np.zeros(shape, np.float32)
         self.states = [
-            pair_state(a, b, f, g, Flow().group(PairCriteria))
+            pair_state(a, b, f, g, Flow().parameters(PairCriteria))
             for (a, b), (f, g) in zip(itertools.pairwise(frames), pairs, strict=True)
         ]
         self.features = self.measure(0, len(frames))
@@ -151,7 +151,7 @@ def test_windows_keep_the_ids_and_read_no_more_than_their_margins(monkeypatch):
         read.append((start, stop))
         return clip.features.part(start, stop)
 
-    s = Objects(window=3).group(objects.Objects)
+    s = Objects(window=3).parameters(objects.Objects)
     found = list(objects.find_objects(load, (0, 16), clip.segments.shape[1:], s))
     ids = clip.ids(found)
     assert read == [(0, 7), (1, 11), (5, 15), (9, 16)]

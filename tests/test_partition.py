@@ -16,7 +16,7 @@ from zsmoseg.proposals.embedded.partition import Partition, chains, partition, s
 from zsmoseg.proposals.embedded.signed_graph import SignedGraph
 from zsmoseg.settings import Objects
 
-S = Objects().group(Partition)
+S = Objects().parameters(Partition)
 PITCH, SIZE = 8, 64.0
 BACKGROUND = -1
 

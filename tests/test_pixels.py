@@ -7,7 +7,7 @@ from zsmoseg.proposals.embedded.guided_filter import GuidedFilter, guided_filter
 from zsmoseg.proposals.embedded.upsampling import paint
 from zsmoseg.settings import Labels
 
-S = Labels().group(GuidedFilter)
+S = Labels().parameters(GuidedFilter)
 
 
 def picture(height: int = 60, width: int = 90) -> tuple[np.ndarray, np.ndarray]:

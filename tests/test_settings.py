@@ -74,7 +74,7 @@ class Outer:
 
 def test_parameters_are_filled_by_name_however_deep() -> None:
     section = resolve(overrides={"flow.stride": 3, "flow.cut": 0.25}).flow
-    assert section.group(Outer) == Outer(0.25, Inner(3))
+    assert section.parameters(Outer) == Outer(0.25, Inner(3))
 
 
 def leaves(kind: Any) -> set[str]:

@@ -431,3 +431,65 @@ def test_arrays_use_only_codecs_of_the_zarr_specification(store: Store) -> None:
 def test_a_spec_that_is_none_is_refused(wrong: dict) -> None:
     with pytest.raises(ValueError, match=r"dims|name"):
         ArraySpec(**{"name": "a", "dims": ("frame", "x"), "shape": (3, 4), "dtype": "uint8", **wrong})
+
+
+def test_ids_may_stand_in_any_order(store: Store) -> None:
+    artifact = Artifact(store.path / "order")
+    begin(artifact, {}, [(0, 4)])
+    blocks = [((0, 2), [5, 1], [50, 10]), ((2, 4), [1, 5, 7], [1, 5, 7])]
+    put_blocks(
+        artifact,
+        0,
+        *(Ragged(start=a, stop=b, object=np.array(ids), seen=np.array(n)) for (a, b), ids, n in blocks),
+    )
+    assert Ragged.read(artifact).seen.tolist() == [11, 55, 7]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"start": 0, "stop": 9, "rows": np.zeros(9, np.int64)}, "frames 0 to 8 are not in part 0"),
+        (
+            {"start": 0, "stop": 4, "rows": np.zeros(5, np.int64)},
+            "rows, part 0: expected 4 along frame, got 5",
+        ),
+        ({"start": 1, "stop": 4, "rows": np.zeros(2, np.int64)}, "expected 3 along frame, got 2"),
+        (
+            {"start": 0, "stop": 4, "object": np.arange(3), "group": np.arange(2)},
+            "group, part 0: expected 3 along object, got 2",
+        ),
+    ],
+)
+def test_a_block_whose_lengths_contradict_each_other_is_refused(
+    wrong: dict[str, Any], words: str, store: Store
+) -> None:
+    artifact = Artifact(store.path / "lengths")
+    begin(artifact, {}, [(0, 4), (4, 8)])
+    with pytest.raises(ValueError, match=words):
+        put_blocks(artifact, 0, Ragged(**wrong))
+    assert artifact.part(0) is None
+
+
+def test_plain_rows_are_not_read_of_a_part_of_a_block(store: Store) -> None:
+    found = Ragged.read(ragged(store), 4, 8)
+    assert found.rows.tolist() == [4, 5, 6, 7]
+    with pytest.raises(ValueError, match=r"read it by blocks"):
+        _ = found.value
+    assert found.has("value")
+    assert not Ragged.read(ragged(store)).has("nothing")
+
+
+def test_an_array_cannot_have_a_name_that_means_something_else() -> None:
+    @dataclass(frozen=True)
+    class Bad(Arrays):
+        time: np.ndarray = table("frame", dtype="int64", meaning="shadows a coordinate")
+
+    with pytest.raises(TypeError, match="time is no name for an array"):
+        fields_of(Bad)
+
+
+def test_a_look_at_it_reads_nothing(store: Store) -> None:
+    found = Ragged.read(ragged(store))
+    assert repr(found) == "Ragged(start=0, stop=10)"
+    assert found == Ragged.read(ragged(store))
+    assert set(found.__dict__) == {"start", "stop", "_source"}

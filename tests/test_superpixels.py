@@ -20,12 +20,12 @@ from zsmoseg.proposals.embedded.superpixels import Superpixels, lab, segment
 from zsmoseg.settings import Flow, Segments
 
 S = Links(link_least=1)
-SLIC = Segments().group(Superpixels)
+SLIC = Segments().parameters(Superpixels)
 FRAMES = draw_clip(frames=5, height=60, width=80)[0]
 SEGMENTS = np.stack([segment(frame, SLIC) for frame in FRAMES])
 FORWARD, BACKWARD = map(
     np.stack,
-    zip(*[between(a, b, Flow().group(Dis)) for a, b in pairwise(FRAMES)], strict=True),
+    zip(*[between(a, b, Flow().parameters(Dis)) for a, b in pairwise(FRAMES)], strict=True),
 )
 
 
@@ -64,7 +64,7 @@ def test_superpixels_are_numbered_without_gaps_and_each_is_connected():
 def test_superpixels_are_about_as_many_as_the_pitch_says():
     image = textured(np.random.default_rng(0), 90, 150, (100, 120, 140))
     for pitch in (6.0, 10.0):
-        count = segment(image, Segments(pitch=pitch).group(Superpixels)).max() + 1
+        count = segment(image, Segments(pitch=pitch).parameters(Superpixels)).max() + 1
         assert 0.7 < count * pitch**2 / (90 * 150) < 1.3
 
 
@@ -79,7 +79,7 @@ def test_superpixels_keep_to_a_colour_edge():
 
 def test_too_many_superpixels_are_refused_with_the_setting_named():
     with pytest.raises(SettingsError, match=r"segments\.pitch = 4: .* use 4\.7 or more"):
-        segment(np.zeros((600, 1200, 3), np.uint8), Segments(pitch=4).group(Superpixels))
+        segment(np.zeros((600, 1200, 3), np.uint8), Segments(pitch=4).parameters(Superpixels))
 
 
 def test_features_and_edges_equal_counting_by_hand():

@@ -123,7 +123,7 @@ def test_exact_flow_carries_the_picture_and_the_labels(clip: Scene) -> None:
 def test_real_optical_flow_works_on_rendered_clips(camera: Camera) -> None:
     scene = video_scene(2, 1, 2, camera, n_frames=3, shape=(240, 427))
     assert scene.frames is not None
-    flow = np.stack([between(a, b, resolve().flow.group(Dis))[0] for a, b in pairwise(scene.frames)])
+    flow = np.stack([between(a, b, resolve().flow.parameters(Dis))[0] for a, b in pairwise(scene.frames)])
     error = np.sqrt(((flow - scene.flow) ** 2).sum(1))
     assert np.median(error) < 0.25
     still = scene.group[scene.labels[:-1]] == 0

@@ -28,7 +28,7 @@ COUNT = 40
 
 
 def excerpt(**chosen: Any) -> Excerpt:
-    return Video(**chosen).group(Excerpt)
+    return Video(**chosen).parameters(Excerpt)
 
 
 def coded(number: int, width: int = 160, height: int = 90) -> np.ndarray:

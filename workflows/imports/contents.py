@@ -43,7 +43,7 @@ def masks_of(s: sections.Proposals, probe: Probe, start: int, stop: int) -> Iter
 def flow_of(
     s: sections.Flow, probe: Probe, start: int, stop: int, grid: tuple[int, int]
 ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-    """Flow there and back (2, h, w) of the pairs ``start`` to ``stop - 1``, px of the working grid; NaN = unknown.
+    """Flow forward and backward (2, h, w) of the pairs ``start`` to ``stop - 1``, px of the working grid; NaN = unknown.
 
     Where the files have one direction only the other is its inverse.
 
@@ -60,11 +60,11 @@ def flow_of(
             raise FormatError(
                 f"{s.path}: no flow for frame {probe.names[pair]}; every frame but the last needs one"
             )
-        there = _fitting(source.read(place, "forward"), s.path, probe, pair, grid)
+        forward = _fitting(source.read(place, "forward"), s.path, probe, pair, grid)
         if source.has_backward:
-            yield there, _fitting(source.read(place, "backward"), s.path, probe, pair, grid)
+            yield forward, _fitting(source.read(place, "backward"), s.path, probe, pair, grid)
         else:
-            yield there, inverted(there)
+            yield forward, inverted(forward)
 
 
 def depth_of(

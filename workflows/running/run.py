@@ -111,7 +111,7 @@ def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[st
 def _make_plan(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
     settings = request.settings
     fingerprint = store.fingerprint(source, settings.video.fingerprint)
-    looked = probe(source, settings.video.group(Excerpt))
+    looked = probe(source, settings.video.parameters(Excerpt))
     video = store.video_id(name, fingerprint)
     return plan_video(
         store,

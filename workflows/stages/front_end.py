@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,6 +49,13 @@ def labels_of(start: int, label: NDArray[np.uint16]) -> Labels:
     present = np.flatnonzero(area.any(0)).astype(np.int64)
     seen = area[:, present].astype(np.int64)
     return Labels(start=start, stop=start + len(label), label=label, object=present, area=seen)
+
+
+def shrink(labels: NDArray[np.uint16], height: int, width: int) -> NDArray[np.uint16]:
+    """Labels on the working grid: nearest."""
+    size = width, height
+    small: list[Any] = [cv2.resize(label, size, interpolation=cv2.INTER_NEAREST_EXACT) for label in labels]
+    return np.stack(small)
 
 
 @dataclass(frozen=True)

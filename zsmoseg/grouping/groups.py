@@ -12,7 +12,7 @@ from zsmoseg.grouping.clustering import Labels
 from zsmoseg.grouping.costs import Sameness
 from zsmoseg.grouping.decision import Count, Decision, Thresholds, decide
 from zsmoseg.grouping.evidence import Shot
-from zsmoseg.grouping.instances import Linking, Nearness, nearness
+from zsmoseg.grouping.instances import Joining, Nearness, nearness
 from zsmoseg.grouping.numbering import connected, renumbered
 from zsmoseg.grouping.pieces import Pieces
 from zsmoseg.grouping.remarks import remarks
@@ -43,7 +43,7 @@ class Grouping:
     """Which movers make groups, and who may join one."""
     sameness: Sameness
     """What one motion for two may cost."""
-    linking: Linking
+    joining: Joining
     """What may lie between two objects that are one instance."""
     spectral: Spectral
     """How the affinity is cut."""
@@ -101,7 +101,7 @@ def group_shot(
         count, cut = grouping.count, grouping.spectral
         by_affinity = grouping.rule == "spectral"
         group = spectral_groups(affinity, area, count, cut) if by_affinity else kept_groups(support, count)
-        near = nearness(pieces, seen.velocity, shape, np.flatnonzero(group > 0), grouping.linking)
+        near = nearness(pieces, seen.velocity, shape, np.flatnonzero(group > 0), grouping.joining)
     group = renumbered(group, support)
     threshold = _thresholds(decision, group, grouping.thresholds.below_strongest)
     frames = len(pieces.area)
@@ -130,7 +130,7 @@ def _calibrated(
     """The groups of the default rule (N,), and what is near what."""
     chosen = members(pieces, decision, support, seen.pairs, grouping.membership)
     wanted = np.flatnonzero(chosen.strong | chosen.open)
-    near = nearness(pieces, seen.velocity, shape, wanted, grouping.linking)
+    near = nearness(pieces, seen.velocity, shape, wanted, grouping.joining)
     facts = Facts(decision, near, seen.pairs, support)
     return linked_groups(shot, chosen, facts, model, grouping.membership, grouping.sameness), near
 

@@ -1,7 +1,7 @@
 """Objects that are one and the same instance: an id that broke and came back, a limb that came off.
 
 Objects are near by place, time and colour; one goes on in another where it ends beside it in the open. The
-decision is made on the objects; what linking adds is which of the movers are one instance, and which objects with too
+decision is made on the objects; what joining adds is which of the movers are one instance, and which objects with too
 little evidence of their own belong to an instance that moves.
 """
 
@@ -22,7 +22,7 @@ TINY = 1e-9
 
 
 @dataclass(frozen=True)
-class Linking:
+class Joining:
     """What may lie between two objects that are one instance."""
 
     reach: float
@@ -56,7 +56,7 @@ def nearness(
     velocity: Floats,
     shape: tuple[int, ...],
     wanted: NDArray[np.int64],
-    linking: Linking,
+    joining: Joining,
 ) -> Nearness:
     """Which of the objects ``wanted`` can be one instance.
 
@@ -77,9 +77,9 @@ def nearness(
     lives.sort(key=lambda life: (life.first, life.number))
     for at, a in enumerate(lives):
         for b in lives[at + 1 :]:
-            if b.first - a.last > linking.gap:
+            if b.first - a.last > joining.gap:
                 break
-            near = _together(a, b, shape, linking) if (a.seen & b.seen).any() else _apart(a, b, linking)
+            near = _together(a, b, shape, joining) if (a.seen & b.seen).any() else _apart(a, b, joining)
             for i, j in ((a.number, b.number), (b.number, a.number)):
                 distance[i, j], goes_on[i, j] = near
     return Nearness(distance, goes_on)
@@ -128,23 +128,23 @@ def _life(pieces: Pieces, velocity: Floats, n: int) -> _Life:
     return _Life(n, seen, pieces.box[:, n].astype(np.float64), size, colour, np.tile(velocity[:, n], 2))
 
 
-def _together(a: _Life, b: _Life, shape: tuple[int, ...], linking: Linking) -> tuple[float, bool]:
+def _together(a: _Life, b: _Life, shape: tuple[int, ...], joining: Joining) -> tuple[float, bool]:
     """Distance of two objects seen together, and whether one goes on in the other."""
-    common, limit = a.seen & b.seen, linking.reach * max(a.size, b.size)
+    common, limit = a.seen & b.seen, joining.reach * max(a.size, b.size)
     gap = float(np.median(box_gap(a.box[common], b.box[common])))
-    short = common.sum() <= linking.overlap * min(a.seen.sum(), b.seen.sum())
+    short = common.sum() <= joining.overlap * min(a.seen.sum(), b.seen.sum())
     goes_on = (
         short
-        and a.alike(b, linking.colour)
+        and a.alike(b, joining.colour)
         and (a.ends_beside(b, limit, shape) or b.ends_beside(a, limit, shape))
     )
     return gap / max(limit, TINY), bool(goes_on)
 
 
-def _apart(a: _Life, b: _Life, linking: Linking) -> tuple[float, bool]:
+def _apart(a: _Life, b: _Life, joining: Joining) -> tuple[float, bool]:
     """The same of two objects never seen together, ``a`` the earlier one."""
-    frames, limit = b.first - a.last, linking.reach * max(a.size, b.size)
-    if not 0 < frames <= linking.gap or (frames > 1 and not a.alike(b, linking.colour)):
+    frames, limit = b.first - a.last, joining.reach * max(a.size, b.size)
+    if not 0 < frames <= joining.gap or (frames > 1 and not a.alike(b, joining.colour)):
         return np.inf, False
     end, start = a.box[a.last], b.box[b.first]
     onward = box_gap(end + frames * a.velocity[1], start)

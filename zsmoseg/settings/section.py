@@ -32,7 +32,7 @@ class Section(BaseModel):
         when = type(self).extra(name)["when"]
         return not when or getattr(self, when[0]) in when[1:]
 
-    def group(self, kind: type[T]) -> T:
+    def parameters(self, kind: type[T]) -> T:
         """The parameters ``kind`` of a function of the science: a frozen dataclass, filled by the names of its fields.
 
         A field that is such a dataclass itself is filled from this section too. Fields that are no settings keep
@@ -41,7 +41,7 @@ class Section(BaseModel):
         hints, values = get_type_hints(kind), {}
         for field in fields(kind):
             if is_dataclass(hint := hints[field.name]) and isinstance(hint, type):
-                values[field.name] = self.group(hint)
+                values[field.name] = self.parameters(hint)
             elif field.name in type(self).model_fields:
                 values[field.name] = getattr(self, field.name)
         return kind(**values)

@@ -49,10 +49,10 @@ class Settings(BaseModel):
             f"{s}.{n}": v for s, fields in self.model_dump(mode="json").items() for n, v in fields.items()
         }
 
-    def group(self, kind: type[T]) -> T:
+    def parameters(self, kind: type[T]) -> T:
         """The parameters ``kind`` of several sections: a frozen dataclass with a dataclass a section, named like it."""
         hints = get_type_hints(kind)
-        return kind(**{f.name: getattr(self, f.name).group(hints[f.name]) for f in fields(kind)})
+        return kind(**{f.name: getattr(self, f.name).parameters(hints[f.name]) for f in fields(kind)})
 
 
 @lru_cache

@@ -63,7 +63,7 @@ Backend = Callable[[Part, Inputs, Sections], Iterator[tuple[Vectors, Vectors]]]
 
 
 def _dis(part: Part, inputs: Inputs, s: Sections) -> Iterator[tuple[Vectors, Vectors]]:
-    parameters = s.flow.group(Dis)
+    parameters = s.flow.parameters(Dis)
     return (between(a, b, parameters) for a, b in pairwise(inputs.frames.image))
 
 
@@ -83,7 +83,7 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Flow]:
     )
     state = np.zeros(len(forward), np.uint8)
     pairs = zip(pairwise(images), BACKENDS[s.flow.source](part, inputs, s), strict=True)
-    criteria = s.flow.group(PairCriteria)
+    criteria = s.flow.parameters(PairCriteria)
     for k, ((a, b), vectors) in enumerate(pairs):
         forward[k], backward[k] = vectors
         state[k] = STATES.index(pair_state(a, b, *vectors, criteria))

@@ -40,7 +40,7 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     labels = np.zeros((part.stop - part.start, *part.displayed), np.uint16)
     found = each_frame(inputs.objects, part.start, part.stop)
     pictures = zip(labels, inputs.frames.image, inputs.segments.segment, found, strict=True)
-    guided = s.labels.group(GuidedFilter)
+    guided = s.labels.parameters(GuidedFilter)
     for label, image, segment, ids in pictures:
         label[:] = paint(image, segment, ids, part.displayed, guided)
         if mask is not None:

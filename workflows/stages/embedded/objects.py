@@ -59,7 +59,7 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]
     def load(start: int, stop: int) -> SuperpixelFeatures:
         return inputs.features.of(start, stop).features()
 
-    grid, parameters = working_size(part.probe, s.frames.width), s.objects.group(Parameters)
+    grid, parameters = working_size(part.probe, s.frames.width), s.objects.parameters(Parameters)
     for shot in found:
         highest = last[-1]
         for value, named, score in find_objects(load, shot, grid, parameters):

@@ -42,7 +42,7 @@ class Sections:
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Segments]:
     """Superpixels of one chunk."""
-    superpixels = s.segments.group(Superpixels)
+    superpixels = s.segments.parameters(Superpixels)
     found = np.stack([segment(image, superpixels) for image in inputs.frames.image])
     yield Segments(start=part.start, stop=part.stop, segment=found)
 

@@ -13,9 +13,8 @@ from zsmoseg.proposals.given.link import Linker, Linking
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
-from zsmoseg.workflows.stages.front_end import Objects, shot_columns
+from zsmoseg.workflows.stages.front_end import Objects, shot_columns, shrink
 from zsmoseg.workflows.stages.given.proposals import Proposals
-from zsmoseg.workflows.stages.motion.statistics import shrink
 
 Ids = NDArray[np.int64]
 HIGHEST = 1023
@@ -99,7 +98,7 @@ def _linked(
     grid: tuple[int, int],
 ) -> tuple[list[Ids], list[int]]:
     """Masks of single frames, linked along the flow on the working grid; frame by frame."""
-    linker, objects, last = Linker(s.group(Linking)), [], []
+    linker, objects, last = Linker(s.parameters(Linking)), [], []
     for start, stop in found:
         linker.start(grid)
         for t in range(start, stop):

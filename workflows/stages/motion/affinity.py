@@ -70,7 +70,7 @@ def cues(s: Sections) -> Mapping[str, Sequence[str]]:
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Affinity]:
     """The affinity of every shot."""
-    a, kernel = s.affinity, s.affinity.group(Kernel)
+    a, kernel = s.affinity, s.affinity.parameters(Kernel)
     for shot in shots_of(inputs.objects):
         views = [accumulate(pairs, len(shot.objects), kernel) for pairs in _pairs(inputs, shot, s)]
         affinities = [normalised(*view) for view in views]

@@ -14,8 +14,7 @@ from zsmoseg.grouping.epipolar import epipolar_residuals
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
-from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, shots_of
-from zsmoseg.workflows.stages.motion.statistics import shrink
+from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, shots_of, shrink
 from zsmoseg.workflows.stages.motion.trajectories import Trajectories
 
 Floats = NDArray[np.float64]

@@ -106,7 +106,7 @@ def _group(part: Part, inputs: Inputs, shot: Shot, visibility: Floats, s: Sectio
     grid = working_size(part.probe, s.frames.width)
     pieces = read_pieces(inputs.statistics, shot)
     return group_shot(
-        pairs, pieces, affinity.affinity, grid, s.motion.model, s.groups.group(Grouping), visibility
+        pairs, pieces, affinity.affinity, grid, s.motion.model, s.groups.parameters(Grouping), visibility
     )
 
 

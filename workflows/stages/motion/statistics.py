@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +21,7 @@ from zsmoseg.workflows.stage import Part, Stage, ignored, reach, working_size
 from zsmoseg.workflows.stages.cues.depth import Depth
 from zsmoseg.workflows.stages.cues.flow import Flow
 from zsmoseg.workflows.stages.cues.frames import Frames
-from zsmoseg.workflows.stages.front_end import Labels
+from zsmoseg.workflows.stages.front_end import Labels, shrink
 
 Floats = NDArray[np.float64]
 GRAM = ("monomial", "with_monomial")
@@ -91,7 +90,7 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Statistics]:
     grid = working_size(part.probe, s.frames.width)
     labels, images, mask = shrink(inputs.labels.label, *grid), inputs.frames.image, ignored(s.ignore, *grid)
     ids = np.union1d([0], np.flatnonzero(np.bincount(labels.ravel()))).astype(np.int64)
-    sums, pairs, valid = s.statistics.group(Sums), part.last_pair - part.start, inputs.flow.valid
+    sums, pairs, valid = s.statistics.parameters(Sums), part.last_pair - part.start, inputs.flow.valid
     gram = np.zeros((pairs, len(ids), SIZE, SIZE))
     cells = np.zeros((pairs, sums.cells_y * sums.cells_x, SIZE, SIZE))
     unexplained = np.zeros((pairs, len(ids), 2))
@@ -114,13 +113,6 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Statistics]:
         box=pieces.box,
         colour=pieces.colour,
     )
-
-
-def shrink(labels: NDArray[np.uint16], height: int, width: int) -> NDArray[np.uint16]:
-    """Labels on the working grid: nearest."""
-    size = width, height
-    small: list[Any] = [cv2.resize(label, size, interpolation=cv2.INTER_NEAREST_EXACT) for label in labels]
-    return np.stack(small)
 
 
 STAGE = Stage("statistics", 5, task, Inputs, Sections, Statistics, cost=(3.9, 18.0))

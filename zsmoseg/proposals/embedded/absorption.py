@@ -7,7 +7,7 @@ from heapq import heapify, heappop, heappush
 import numpy as np
 
 from zsmoseg.proposals.embedded.aliases import Floats, Ints
-from zsmoseg.proposals.embedded.signed_graph import SignedGraph, follow
+from zsmoseg.proposals.embedded.signed_graph import SignedGraph, renamed_nodes
 
 LEAST = 1e-9
 """Smallest contact that is divided by, px."""
@@ -54,7 +54,7 @@ def absorb(part: Ints, signed: SignedGraph, size: Floats, share: float) -> Ints:
         _merge(attractions, best, p)
         _merge(contacts, best, p)
         heappush(queue, (total[best], best))
-    return follow(part, np.array(list(into), np.int64), np.array(list(into.values()), np.int64))
+    return renamed_nodes(part, np.array(list(into), np.int64), np.array(list(into.values()), np.int64))
 
 
 def _neighbours(pair: Ints, value: Floats) -> Values:

@@ -54,18 +54,18 @@ def own_motion(graph: Graph, weight: Floats, camera: Camera) -> Motion:
     basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 1)
 
     def beyond(flow: Floats) -> Floats:
-        there = np.ascontiguousarray(flow[:, [U, V]])
-        field = fit_fields(graph.offset, basis, there, weight, camera)
-        return np.asarray(there - np.einsum("nk,nkc->nc", basis, field[graph.frame]), np.float64)
+        observed = np.ascontiguousarray(flow[:, [U, V]])
+        field = fit_fields(graph.offset, basis, observed, weight, camera)
+        return np.asarray(observed - np.einsum("nk,nkc->nc", basis, field[graph.frame]), np.float64)
 
     return beyond(graph.forward), beyond(graph.backward)
 
 
 def speed(graph: Graph, own: Motion) -> Floats:
     """(superpixels) length of the own motion, px: mean of both directions by their ``reliability``."""
-    forward, backward = (reliability(flow[:, ERROR]) for flow in (graph.forward, graph.backward))
-    there, back = (np.hypot(*motion.T) for motion in own)
-    return np.asarray((forward * there + backward * back) / (forward + backward), np.float64)
+    weights = [reliability(flow[:, ERROR]) for flow in (graph.forward, graph.backward)]
+    forward, backward = (weight * np.hypot(*motion.T) for weight, motion in zip(weights, own, strict=True))
+    return np.asarray((forward + backward) / (weights[0] + weights[1]), np.float64)
 
 
 def fit_fields(offset: Ints, basis: Floats, flow: Floats, weight: Floats, camera: Camera) -> Floats:

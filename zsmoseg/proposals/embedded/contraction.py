@@ -13,7 +13,7 @@ import numba as nb
 import numpy as np
 
 from zsmoseg.proposals.embedded.aliases import Floats, Ints
-from zsmoseg.proposals.embedded.signed_graph import SignedGraph, follow
+from zsmoseg.proposals.embedded.signed_graph import SignedGraph, renamed_nodes
 
 Queue = list[tuple[float, int, int, int]]
 """A heap: - attraction, smaller part, larger part, edge. Equal attractions go by the parts, so there is one order."""
@@ -35,9 +35,9 @@ def contract(part: Ints, signed: SignedGraph) -> Ints:
     """
     if not len(signed.pair):
         return part
-    there, pair = np.unique(signed.pair, return_inverse=True)
-    into = contract_edges(pair.reshape(-1, 2), signed.attraction, len(there))
-    return follow(part, there, there[into])
+    nodes, pair = np.unique(signed.pair, return_inverse=True)
+    into = contract_edges(pair.reshape(-1, 2), signed.attraction, len(nodes))
+    return renamed_nodes(part, nodes, nodes[into])
 
 
 @nb.njit(cache=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zsmoseg.proposals.embedded.aliases import Floats
-from zsmoseg.proposals.embedded.full_motion import FullMotion, relative
+from zsmoseg.proposals.embedded.full_motion import FullMotion, against_full_motion
 from zsmoseg.proposals.embedded.geodesic import from_border
 from zsmoseg.proposals.embedded.graph import Graph
 
@@ -41,5 +41,5 @@ def moving(graph: Graph, speed: Floats, full_motion: FullMotion, enclosure: Encl
     forward, backward = graph.edge_flow
     step = np.maximum((forward + backward) / 2 - enclosure.flow_noise, 0)
     closed = from_border(graph, step, enclosure.border_entry * speed)
-    both = relative(graph, speed, full_motion) * relative(graph, closed, full_motion)
+    both = against_full_motion(graph, speed, full_motion) * against_full_motion(graph, closed, full_motion)
     return np.asarray(np.sqrt(both), np.float64)

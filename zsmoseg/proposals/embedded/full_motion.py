@@ -33,6 +33,6 @@ def full(graph: Graph, x: Floats, motion: FullMotion) -> Floats:
     return np.asarray(np.maximum(middle, motion.top_least), np.float64)
 
 
-def relative(graph: Graph, x: Floats, motion: FullMotion) -> Floats:
+def against_full_motion(graph: Graph, x: Floats, motion: FullMotion) -> Floats:
     """(superpixels) ``x`` (superpixels), px, over the full motion of its frame, at most 1."""
     return np.minimum(x / full(graph, x, motion)[graph.frame], 1)

@@ -32,7 +32,7 @@ class SignedGraph:
         return SignedGraph(np.stack([key // nodes, key % nodes], 1), attraction, contact)
 
 
-def follow(part: Ints, old: Ints, new: Ints) -> Ints:
+def renamed_nodes(part: Ints, old: Ints, new: Ints) -> Ints:
     """(superpixels) the part that each ``part`` has ended in, where ``old`` ones have gone into ``new`` ones (n)."""
     target = np.arange(len(part))
     target[old] = new
