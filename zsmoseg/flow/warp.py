@@ -1,4 +1,8 @@
-"""Images and flow brought to other places: read along flow, resized, inverted."""
+"""Images and flow brought to other places: read along flow, resized, inverted.
+
+The inverse of a flow as a fixed point: Chen, Lu, Chen, Ruchala, Olivera, "A simple fixed-point approach to invert a
+deformation field", Medical Physics 2008.
+"""
 
 from __future__ import annotations
 

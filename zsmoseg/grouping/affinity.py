@@ -1,4 +1,7 @@
-"""The affinity of all objects of a shot, summed over its pairs and normalised by those in which both are seen."""
+"""The affinity of all objects of a shot, summed over its pairs and normalised by those in which both are seen.
+
+Normalised by the pairs in which both are seen: Huang, Chen, Zelek (the paper), section on the affinity.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 Each object's robust model on each other object's points, for frame pairs at several gaps. Over a gap parallax and
 motion add up while the error of a track hardly grows, so motion stands out that one flow field hides.
+
+Geometry: Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2004, chapters 9 to 11; robust fit: Raguram et
+al., "USAC: a universal framework for random sample consensus", PAMI 2013, as implemented in OpenCV.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
     excess[n] = (SSE(world + n) - SSE(world) - SSE(n)) / |n|          px^2, joint fits
 
 The yardstick is what pieces of the same background cost: every cell of it is measured as if it were an object.
+
+Joint against separate fits is the F test of nested regression models (Chow, Econometrica 1960), in pixels.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Several affinities of the same objects or points made one: sum, or embeddings that are drawn towards each other."""
+"""Several affinities of the same objects or points made one: sum, or embeddings that are drawn towards each other.
+
+Embeddings: Ng, Jordan, Weiss, NIPS 2002; further sources at each step.
+"""
 
 from __future__ import annotations
 

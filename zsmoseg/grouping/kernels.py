@@ -1,4 +1,8 @@
-"""Kernels: from the residuals of one pair to who agrees with whom."""
+"""Kernels: from the residuals of one pair to who agrees with whom.
+
+Ordered residual kernel: Chin, Wang, Suter, "The ordered residual kernel for robust motion subspace clustering", NIPS
+2009; Huang, Chen, Zelek (the paper), section on the affinity.
+"""
 
 from __future__ import annotations
 

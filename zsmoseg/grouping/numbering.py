@@ -1,4 +1,7 @@
-"""Numbers of groups and of instances, by falling size."""
+"""Numbers of groups and of instances, by falling size.
+
+Connected components: Hopcroft, Tarjan, CACM 1973, as implemented in SciPy.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """What two views of one rigid motion share: an affine map, a homography or a fundamental matrix.
 
 Fitted to many minimal samples at once; algebra as in Hartley and Zisserman, "Multiple View Geometry", chapters 4, 11.
+
+Distances: Sampson, "Fitting conic sections to very scattered data", CGIP 1982. Conditioning: Hartley, "In defense of
+the eight-point algorithm", PAMI 1997.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Region similarity J: intersection over union of two masks of one frame."""
+"""Region similarity J: intersection over union of two masks of one frame.
+
+Intersection over union: Jaccard 1912; as a region measure of videos: Perazzi et al., CVPR 2016.
+"""
 
 from __future__ import annotations
 

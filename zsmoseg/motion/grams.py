@@ -1,4 +1,7 @@
-"""Gram matrices of all objects of a pair in one loop over the pixels, compiled."""
+"""Gram matrices of all objects of a pair in one loop over the pixels, compiled.
+
+Sufficient statistics of linear regression: Rao, "Linear Statistical Inference and its Applications", 1973.
+"""
 
 # mypy: disable-error-code="untyped-decorator, assignment, operator"
 from __future__ import annotations

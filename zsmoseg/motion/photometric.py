@@ -3,6 +3,8 @@
 Flow is a guess where there is no texture. What moves by itself is explained worse by the motion of the static world
 than by its own flow: its pixels, looked up where the world's motion would have them in the next frame, have other
 grey values there. A flat patch of road has the same ones.
+
+Brightness constancy: Horn, Schunck, "Determining optical flow", Artificial Intelligence 1981.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""How well the model of one object explains another: the residual tensor, and the cost of one motion for two."""
+"""How well the model of one object explains another: the residual tensor, and the cost of one motion for two.
+
+Residual tensor: Huang, Chen, Zelek (the paper). Costs of merging: Ward, "Hierarchical grouping to optimize an objective
+function", JASA 1963.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The rule ``spectral``: clusters of the affinity."""
+"""The rule ``spectral``: clusters of the affinity.
+
+Ng, Jordan, Weiss, "On spectral clustering", NIPS 2002.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Connected pieces of the foreground: which are large enough."""
+"""Connected pieces of the foreground: which are large enough.
+
+Connected components: Hopcroft, Tarjan, CACM 1973, as implemented in SciPy.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """What is measured on the superpixels of a frame and between those of two frames.
 
 Every number depends on one frame or one pair of frames only, so a video may be cut into chunks anywhere.
+
+Mean products of the slope are the structure tensor: Förstner, Gülch, "A fast operator for detection and precise
+location of distinct points", ISPRS 1987.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""From superpixels to pixels of the displayed size."""
+"""From superpixels to pixels of the displayed size.
+
+Upsampled by a guide: He, Sun, Tang, PAMI 2013, section on joint upsampling.
+"""
 
 from __future__ import annotations
 

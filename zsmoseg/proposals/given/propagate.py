@@ -1,4 +1,8 @@
-"""Mask propagation: masks of some frames carried along the flow to others."""
+"""Mask propagation: masks of some frames carried along the flow to others.
+
+Mask propagation is a word of Perazzi et al., "Learning video object segmentation from static images", CVPR 2017; here
+there is no network: masks are looked up along the flow.
+"""
 
 from __future__ import annotations
 
