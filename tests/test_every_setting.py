@@ -95,6 +95,7 @@ SETUP: dict[str, dict[str, Any]] = {
     "objects.unclean_full": DEMANDING,
     "objects.clean_from": {**DEMANDING, "objects.clean_full": 0.99},
     "objects.clean_full": DEMANDING,
+    "objects.contrast_colour": {"objects.window": 0},
 }
 """Others that let a setting act on so small a clip."""
 
