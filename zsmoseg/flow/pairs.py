@@ -72,7 +72,7 @@ def _repeated(first: NDArray[np.uint8], second: NDArray[np.uint8], level: float)
 def _unexplained(first: NDArray[np.uint8], second: NDArray[np.uint8], forward: Flow, backward: Flow) -> float:
     """Share of the pixels of ``first`` that the flow takes to another colour and does not bring back.
 
-    Both are asked for: a flash changes colours but not where things go, and flow is lost in fast motion on one
+    Both are asked for: a flash changes colours but not where objects go, and flow is lost in fast motion on one
     colour. Unknown flow is not lost: it speaks for no cut.
     """
     height, width = (max(1, n // COARSER) for n in first.shape[:2])

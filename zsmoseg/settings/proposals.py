@@ -43,7 +43,7 @@ class Segments(Section):
     """Superpixels of the embedded default."""
 
     pitch: float = setting(
-        7.5, "distance of the superpixels: smaller finds thinner things and takes longer", "px", ge=4, le=64
+        7.5, "distance of the superpixels: smaller finds thinner objects and takes longer", "px", ge=4, le=64
     )
     compactness: float = setting(
         10.0,
@@ -73,7 +73,7 @@ class Objects(Section):
     )
     border_entry: float = setting(
         0.3,
-        "what it costs things to touch the border of the frame, per px of motion: larger keeps what is cut off",
+        "what it costs objects to touch the border of the frame, per px of motion: larger keeps what is cut off",
         ge=0,
     )
     border_colour: float = setting(
@@ -86,7 +86,7 @@ class Objects(Section):
     clean_error: float = setting(
         0.05,
         "error of the flow, forward and backward, per px of motion that counts half as clean: smaller tells waves "
-        "and spray from things more strictly",
+        "and spray from objects more strictly",
         gt=0,
     )
     clean_top: float = setting(
@@ -145,7 +145,7 @@ class Objects(Section):
         gt=0,
     )
     spread: float = setting(
-        10.0, "how far evidence spreads to neighbours: larger fills things and blurs borders", ge=0
+        10.0, "how far evidence spreads to neighbours: larger fills objects and blurs borders", ge=0
     )
     window: int = setting(
         20, "frames on both sides that decide on a frame's threshold: larger is steadier", "frames", ge=0

@@ -19,7 +19,7 @@ class Enclosure:
     flow_noise: float
     """Steps of the flow below this are no boundary, px."""
     border_entry: float
-    """Cost of entering at the border, px per px of own motion: things may reach out of the frame."""
+    """Cost of entering at the border, px per px of own motion: objects may reach out of the frame."""
     border_colour: float
     """Colour path from the border that counts 63 % as closed, Lab."""
 

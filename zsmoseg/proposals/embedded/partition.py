@@ -2,7 +2,7 @@
 
 A multicut of the graph in space and time. Neighbours whose flow agrees attract each other, neighbours across
 a step of the flow repel each other, and a superpixel attracts what the flow carries it to. Sums along the whole
-common boundary and over all frames decide, so a weak spot of a boundary joins nothing, and two things that touch
+common boundary and over all frames decide, so a weak spot of a boundary joins nothing, and two objects that touch
 in some frames only are told apart by all others.
 
 Source: Keuper, Levinkov, Bonneel, Lavoué, Brox, Andres, "Efficient decomposition of image and mesh graphs by lifted

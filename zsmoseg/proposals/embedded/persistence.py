@@ -1,4 +1,4 @@
-"""Whether what moves goes on existing: flow that closes forward and backward belongs to things that do."""
+"""Whether what moves goes on existing: flow that closes forward and backward belongs to objects that do."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Persistence:
     clean_full: float
     """Cleanest from which all of it is demanded, 0 to 1."""
     clean_half: float
-    """Share of the cleanest below which a thing is unclean."""
+    """Share of the cleanest below which an object is unclean."""
     unclean_from: float
     """Unclean part of what moves up to which nothing is demanded."""
     unclean_full: float
@@ -56,8 +56,8 @@ def persistence(
 ) -> Floats:
     """(superpixels) weight 0 to 1 of a saliency.
 
-    Spray, waves and smoke form and dissolve, so their flow does not close; nor does that of thin and fast things
-    and of the rims of all things. So this counts only where, over the frames around, something that moves is
+    Spray, waves and smoke form and dissolve, so their flow does not close; nor does that of thin and fast objects
+    and of the rims of all objects. So this counts only where, over the frames around, something that moves is
     clean and most of what seems to move is not.
 
     Parameters

@@ -89,8 +89,8 @@ class _Known:
 def judge(graph: Graph, parameters: Saliency) -> Judgement:
     """Value of every superpixel and score of every frame of a window.
 
-    The camera's motion is fitted twice: to everything, then to what has not turned out to be foreground. So a
-    thing that fills most of a frame does not pass for the background where the frames around know it.
+    The camera's motion is fitted twice: to everything, then to what has not turned out to be foreground. So an
+    object that fills most of a frame does not pass for the background where the frames around know it.
     """
     p = parameters
     known = _Known(

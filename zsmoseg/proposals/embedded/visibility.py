@@ -1,4 +1,4 @@
-"""How far a superpixel's motion can be seen: flow is carried on from things into what has no detail beside them.
+"""How far a superpixel's motion can be seen: flow is carried on from objects into what has no detail beside them.
 
 Source of what a motion changes in the picture: Lucas, Kanade, "An iterative image registration technique with an
 application to stereo vision", IJCAI 1981.
@@ -55,7 +55,7 @@ def visibility(graph: Graph, own: Motion, full: Floats, parameters: Visibility) 
     In what has no detail of its own (sky, shadow, water) the camera's motion explains the picture as well as the
     flow does. What the own motion d would change is d' G d, G the structure tensor, and at most twice the detail, as
     of two pictures that have nothing to do with each other; it is compared with what the flow leaves unexplained.
-    This counts as far as a superpixel has the detail to show the motion of the things in its frame.
+    This counts as far as a superpixel has the detail to show the motion of the objects in its frame.
 
     Parameters
     ----------
