@@ -163,7 +163,11 @@ def _grid(probe: Probe, grid: Grid | None, width: int | None) -> dict[str, int]:
     return {"y": height, "x": width}
 
 
+SMALLEST = 16
+"""px, sides of the working grid: patches of the flow are 8 px wide."""
+
+
 def working_size(probe: Probe, width: int) -> tuple[int, int]:
-    """(height, width) of the working grid: never larger than the source, sides at least 16."""
-    width = min(width, max(probe.width, 16))
-    return max(16, round(probe.height * width / probe.width)), max(16, width)
+    """(height, width) of the working grid: never larger than the source, sides at least ``SMALLEST``."""
+    width = min(width, max(probe.width, SMALLEST))
+    return max(SMALLEST, round(probe.height * width / probe.width)), max(SMALLEST, width)

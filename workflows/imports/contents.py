@@ -23,6 +23,9 @@ from zsmoseg.video.probe import Probe
 from zsmoseg.video.sources import image_files, title
 from zsmoseg.workflows.imports.record import Brought, fingerprint
 
+SHAPE = 0.05
+"""Share by which the shape of a depth map may differ from the frame's: networks round sides to multiples."""
+
 
 def masks_of(s: sections.Proposals, probe: Probe, start: int, stop: int) -> Iterator[FrameMasks | None]:
     """The masks of the frames ``start`` to ``stop - 1``, at the displayed size; None where a frame has none.
@@ -84,7 +87,7 @@ def depth_of(
         if place is None:
             raise FormatError(f"{s.path}: no depth for frame {probe.names[frame]}; every frame needs one")
         values = source.read(place)
-        if abs(values.shape[1] / values.shape[0] * probe.height / probe.width - 1) > 0.05:
+        if abs(values.shape[1] / values.shape[0] * probe.height / probe.width - 1) > SHAPE:
             raise FormatError(
                 _other_size(f"{s.path}: the depth of frame {probe.names[frame]}", values.shape, probe)
             )

@@ -20,6 +20,7 @@ from zsmoseg.workflows.stages.cues.frames import Frames
 
 Vectors = NDArray[np.float32]
 UNKNOWN = -32768
+"""What is stored where flow is unknown: the lowest number, so that all others are left for flow."""
 
 
 def _vectors(meaning: str) -> Vectors:

@@ -26,6 +26,8 @@ BLOCK = 16
 """Frames held in memory at once."""
 STILL = 0.04
 """Seconds that the only frame of a video is shown."""
+SHORTEST, DENOMINATOR = 1e-3, 1001
+"""Seconds between two frames at least, and the denominator of the rate at most: that of 29.97 is 1001."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def _encode(path: Path, part: Part, images: Iterator[NDArray[np.uint8]]) -> None
 def _rate(probe: Probe) -> Fraction:
     """Frames a second, from the median distance of the frames."""
     step = float(np.median(np.diff(probe.times))) if len(probe.times) > 1 else STILL
-    return Fraction(1 / max(step, 1e-3)).limit_denominator(1001)
+    return Fraction(1 / max(step, SHORTEST)).limit_denominator(DENOMINATOR)
 
 
 STAGE = Stage("overlay", 2, task, Inputs, Sections, scope="video", files=names, cost=(5.6, 25.0))

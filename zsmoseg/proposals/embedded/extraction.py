@@ -25,6 +25,8 @@ from zsmoseg.proposals.embedded.superpixels import lab
 
 IGNORED = np.uint8(128)
 """What ignored pixels are painted with, so that their colours leak through no blur: middle grey."""
+SOBEL = 1 / 8
+"""Makes the filter of Sobel, whose weights are 1, 2, 1 twice, a change per px."""
 MEAN_SIDE = 9
 """Side of the window whose mean is taken off a grey level: larger than most texture, px."""
 
@@ -130,7 +132,7 @@ def detail(frame: Frames) -> Singles:
 def slope(image: Singles) -> Singles:
     """(2, h, w) change of an image (h, w) per px in x and y."""
     return np.stack(
-        [cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))]
+        [cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=SOBEL) for order in ((1, 0), (0, 1))]
     )
 
 

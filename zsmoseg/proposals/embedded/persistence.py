@@ -75,6 +75,7 @@ def persistence(
     count = np.bincount(key, graph.size * x**2, graph.frames * bins).reshape(shape).astype(np.float64)
     count = np.cumsum(sum_around(count, window), 1)
     total = count[:, -1:]
+    # the middle of the bin in which the quantile falls
     cleanest = ((count < parameters.clean_top * total).sum(1) + 0.5) / bins
     half = np.minimum((cleanest * parameters.clean_half * bins).astype(np.int64), bins - 1)
     unclean = count[np.arange(graph.frames), half] / np.maximum(total[:, 0], LEAST)

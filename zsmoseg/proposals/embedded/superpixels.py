@@ -22,6 +22,9 @@ MOST = 65535
 FRAGMENT = 4
 """Pieces smaller than the mean superpixel over this are no superpixels; SLIC's authors advise it."""
 
+COUNT = 5
+"""Numbers of a cluster: y, x, L, a, b; of sums the next one counts the pixels."""
+
 Clusters = NDArray[np.int32]
 
 
@@ -92,7 +95,7 @@ def cluster_pixels(lab: Singles, pitch: float, compactness: float, passes: int) 
     height, width, _ = lab.shape
     rows, columns = max(1, round(height / pitch)), max(1, round(width / pitch))
     step_y, step_x = height / rows, width / columns
-    centre = np.zeros((rows * columns, 5), np.float32)  # y, x, L, a, b
+    centre = np.zeros((rows * columns, COUNT), np.float32)
     for i in range(rows):
         for j in range(columns):
             y, x = int((i + 0.5) * step_y), int((j + 0.5) * step_x)
@@ -101,7 +104,7 @@ def cluster_pixels(lab: Singles, pitch: float, compactness: float, passes: int) 
             centre[i * columns + j, 2:] = lab[y, x]
     cluster = np.zeros((height, width), np.int32)
     place = np.float32(compactness * compactness / (step_y * step_x))
-    sums = np.zeros((rows * columns, 6), np.float64)
+    sums = np.zeros((rows * columns, COUNT + 1), np.float64)
     for _ in range(passes):
         sums[:] = 0
         for y in range(height):
@@ -110,9 +113,9 @@ def cluster_pixels(lab: Singles, pitch: float, compactness: float, passes: int) 
                 cluster[y, x] = k
                 _add(sums[k], lab, y, x)
         for k in range(rows * columns):
-            if sums[k, 5] > 0:
-                for c in range(5):
-                    centre[k, c] = sums[k, c] / sums[k, 5]
+            if sums[k, COUNT] > 0:
+                for c in range(COUNT):
+                    centre[k, c] = sums[k, c] / sums[k, COUNT]
     return cluster
 
 
@@ -124,7 +127,7 @@ def _add(sums: Floats, lab: Singles, y: int, x: int) -> None:
     sums[2] += lab[y, x, 0]
     sums[3] += lab[y, x, 1]
     sums[4] += lab[y, x, 2]
-    sums[5] += 1
+    sums[COUNT] += 1
 
 
 @nb.njit(cache=True)
