@@ -1,4 +1,4 @@
-"""``zsmoseg run``."""
+"""``zsmoseg run SOURCE...``: plan what is missing, compute it, write masks."""
 
 from __future__ import annotations
 
