@@ -1,4 +1,4 @@
-"""``zsmoseg runs``."""
+"""``zsmoseg runs``: what was run with a store, when, and how it ended."""
 
 from __future__ import annotations
 

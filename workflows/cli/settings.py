@@ -1,4 +1,4 @@
-"""``zsmoseg settings``."""
+"""``zsmoseg settings``: every setting with default, unit, allowed values and meaning."""
 
 from __future__ import annotations
 

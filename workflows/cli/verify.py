@@ -1,4 +1,4 @@
-"""``zsmoseg verify``."""
+"""``zsmoseg verify``: whether every file of a store is as it was written."""
 
 from __future__ import annotations
 
