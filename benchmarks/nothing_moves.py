@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 
 from zsmoseg.settings import resolve
-from zsmoseg.workflows.running.run import Request, run
+from zsmoseg.workflows.running.request import Request
+from zsmoseg.workflows.running.run import run
 
 SEQUENCES = ("blackswan", "bmx-trees", "car-shadow", "goat", "libby", "scooter-black")
 FRAMES = 16

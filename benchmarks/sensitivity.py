@@ -19,7 +19,8 @@ from PIL import Image
 
 from zsmoseg.settings import Settings, defaults, resolve
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.workflows.running.run import Request, run
+from zsmoseg.workflows.running.request import Request
+from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.stages.motion.groups import Groups
 
 

@@ -18,7 +18,8 @@ from zsmoseg.workflows.planning.estimate import REFERENCE
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.progress import Tally
-from zsmoseg.workflows.running.run import Quiet, Report, Request, run
+from zsmoseg.workflows.running.request import Quiet, Report, Request
+from zsmoseg.workflows.running.run import run
 
 
 class Count(Quiet):

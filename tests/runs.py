@@ -11,7 +11,8 @@ from PIL import Image
 from zsmoseg.settings import resolve
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.jobs import Outcome
-from zsmoseg.workflows.running.run import Quiet, Report, Request, run
+from zsmoseg.workflows.running.request import Quiet, Report, Request
+from zsmoseg.workflows.running.run import run
 
 
 class Counter(Quiet):

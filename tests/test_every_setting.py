@@ -14,7 +14,8 @@ from runs import Report, segment
 
 from zsmoseg.settings import Settings, defaults, resolve
 from zsmoseg.workflows.planning.plan import following
-from zsmoseg.workflows.running.run import Request, dry_run
+from zsmoseg.workflows.running.request import Request
+from zsmoseg.workflows.running.run import dry_run
 from zsmoseg.workflows.stages.graph import GRAPHS
 
 OTHER: dict[str, Any] = {

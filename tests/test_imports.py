@@ -16,7 +16,8 @@ from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.result import Result, open_store
-from zsmoseg.workflows.running.run import Request, dry_run
+from zsmoseg.workflows.running.request import Request
+from zsmoseg.workflows.running.run import dry_run
 from zsmoseg.workflows.stages.cues.depth import Depth
 from zsmoseg.workflows.stages.cues.flow import Flow
 from zsmoseg.workflows.stages.given.objects import GivenObjects

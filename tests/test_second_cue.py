@@ -13,7 +13,8 @@ from runs import segment
 
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
-from zsmoseg.workflows.running.run import Request, dry_run
+from zsmoseg.workflows.running.request import Request
+from zsmoseg.workflows.running.run import dry_run
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups
 

@@ -15,7 +15,8 @@ from zsmoseg.stores.location import Store
 from zsmoseg.workflows.evaluate.evaluation import evaluate
 from zsmoseg.workflows.evaluate.predictions import Prediction
 from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
-from zsmoseg.workflows.running.run import Request, Watcher, make_plans, run
+from zsmoseg.workflows.running.request import Request, Watcher
+from zsmoseg.workflows.running.run import make_plans, run
 
 PROTOCOL = "moving"
 LAST = ("groups",)

@@ -16,7 +16,8 @@ from zsmoseg.stores.dataset import open_dataset
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import list_runs
 from zsmoseg.video.probe import Probe
-from zsmoseg.workflows.running.run import Request, run
+from zsmoseg.workflows.running.request import Request
+from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.given.objects import GivenObjects
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects

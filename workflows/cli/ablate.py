@@ -63,7 +63,7 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.stores.output import Output
     from zsmoseg.workflows.ablation import PROTOCOL, ablate, cues, paper_steps
     from zsmoseg.workflows.running.progress import Steps
-    from zsmoseg.workflows.running.run import Request
+    from zsmoseg.workflows.running.request import Request
 
     sweeps = _sweeps(options.sweep)
     output = Output(options.out, "ablation")

@@ -26,7 +26,8 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.synthetic import demo_scene
     from zsmoseg.workflows.result import Result
     from zsmoseg.workflows.running.progress import make_watcher
-    from zsmoseg.workflows.running.run import Request, run
+    from zsmoseg.workflows.running.request import Request
+    from zsmoseg.workflows.running.run import run
 
     clip = options.out / "demo.mp4"
     print(f"rendering {clip}: a moving camera, two things that move by themselves")

@@ -44,7 +44,8 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.workflows.imports.record import remember
     from zsmoseg.workflows.imports.settling import KINDS
     from zsmoseg.workflows.running.progress import make_watcher
-    from zsmoseg.workflows.running.run import Request, run
+    from zsmoseg.workflows.running.request import Request
+    from zsmoseg.workflows.running.run import run
 
     settings = resolve(options.preset, options.config, overrides(options))
     kinds = [kind for kind in KINDS if getattr(settings, kind).path]

@@ -104,7 +104,8 @@ def overrides(options: argparse.Namespace) -> dict[str, Any]:
 def main(options: argparse.Namespace) -> int:
     """Run; 2 if a video failed."""
     from zsmoseg.settings import resolve
-    from zsmoseg.workflows.running.run import Request, dry_run, run
+    from zsmoseg.workflows.running.request import Request
+    from zsmoseg.workflows.running.run import dry_run, run
 
     request = Request(
         options.sources,

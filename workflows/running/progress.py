@@ -12,7 +12,7 @@ from typing import Any, Self, TextIO
 from zsmoseg.workflows.planning.estimate import Estimate, estimate_line
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan
 from zsmoseg.workflows.running.jobs import Outcome
-from zsmoseg.workflows.running.run import Quiet
+from zsmoseg.workflows.running.request import Quiet
 
 SHOWN = 6
 """Videos whose plan is printed in full before a run."""

@@ -4,86 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Protocol
 
 from zsmoseg.errors import StageError, ZsmosegError
-from zsmoseg.settings import Settings
-from zsmoseg.stores.beginning import begin
-from zsmoseg.stores.checks import joined_problem
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import RunRecord
-from zsmoseg.stores.sealing import seal
 from zsmoseg.video.probe import Excerpt, probe
 from zsmoseg.video.sources import sources, unique_names
-from zsmoseg.workflows.planning.estimate import Estimate, estimate, estimate_line, refuse_full_disk
+from zsmoseg.workflows.planning.estimate import estimate, estimate_line, refuse_full_disk
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan, plan_video
+from zsmoseg.workflows.running.artifacts import plans_record, prepare, seal_video
 from zsmoseg.workflows.running.executors import Executor, make_executor
 from zsmoseg.workflows.running.jobs import Job, Outcome
-from zsmoseg.workflows.running.summary import write_summary
+from zsmoseg.workflows.running.request import Quiet, Report, Request, Watcher
 from zsmoseg.workflows.stages.graph import names
 
 SMALL = 15.0
 """A plan below this many estimated seconds runs in this process: a cluster would take longer to start."""
 IN_FLIGHT = 4
 """Videos whose jobs are with the executor at once."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """What a user asked for."""
-
-    sources: Sequence[str]
-    out: Path = Path("zsmoseg-out")
-    store: Path = Path("zsmoseg-store")
-    settings: Settings = field(default_factory=Settings)
-    scheduler: Any = "local"
-    workers: int | None = None
-    start_from: str | None = None
-    until: Sequence[str] = ()
-
-
-class Watcher(Protocol):
-    """Who looks on."""
-
-    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
-        """The plan is made, nothing is started."""
-
-    def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
-        """One part came back."""
-
-    def finished(self, plan: VideoPlan, summary: dict[str, Any] | None) -> None:
-        """One video is finished."""
-
-    def failed(self, name: str, message: str) -> None:
-        """One video failed; the others go on."""
-
-
-class Quiet:
-    """Nobody looks on."""
-
-    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
-        """Ignore."""
-
-    def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
-        """Ignore."""
-
-    def finished(self, plan: VideoPlan, summary: dict[str, Any] | None) -> None:
-        """Ignore."""
-
-    def failed(self, name: str, message: str) -> None:
-        """Ignore."""
-
-
-@dataclass
-class Report:
-    """How a run ended; ``run`` is its id in the store."""
-
-    plans: list[VideoPlan]
-    summaries: dict[str, dict[str, Any]] = field(default_factory=dict)
-    failures: dict[str, str] = field(default_factory=dict)
-    traces: dict[str, str] = field(default_factory=dict)
-    run: str = ""
 
 
 def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[str, str]]:
@@ -165,39 +103,6 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     finally:
         record.end(state, report.failures, report.traces)
     return report
-
-
-def plans_record(plans: Sequence[VideoPlan]) -> dict[str, Any]:
-    """For the run's record: which keys each video reached."""
-    return {
-        plan.name: {
-            "video": plan.video,
-            "source": plan.source,
-            "out": str(plan.output.path.absolute()),
-            "keys": {name: stage.key for name, stage in plan.stages.items()},
-        }
-        for plan in plans
-    }
-
-
-def prepare(store: Store, plan: VideoPlan) -> None:
-    """Lay out the artifacts of a plan and take back the records of what is to be redone."""
-    store.describe_video(plan.video, plan.source, plan.fingerprint)
-    for stage in plan.stages.values():
-        if stage.artifact is None:
-            continue
-        chosen = stage.stage.chosen(stage.given)
-        labels = {dim: list(text) for dim, text in stage.stage.labels(chosen).items()}
-        description = {**stage.description, "fingerprint": plan.fingerprint, "labels": labels}
-        if stage.stage.name == "frames":
-            description["probe"] = plan.probe.to_json()
-        begin(stage.artifact, description, stage.parts, stage.stage.video_arrays(plan.probe, stage.given))
-        stage.artifact.invalidate(stage.todo)
-    outputs = {
-        name: stage.description for name, stage in plan.stages.items() if stage.stage.output and stage.todo
-    }
-    if outputs:
-        plan.output.claim(outputs)
 
 
 def _drive(
@@ -297,7 +202,7 @@ def jobs(request: Request, plan: VideoPlan, index: int) -> Iterator[tuple[Job, l
 def _finish(plan: VideoPlan, request: Request, report: Report, watcher: Watcher) -> None:
     """Seal what is complete; clear and describe the output folder."""
     try:
-        summary = _seal(plan, request)
+        summary = seal_video(plan, request.settings)
     except ZsmosegError as error:
         report.failures[plan.name] = str(error)
         watcher.failed(plan.name, str(error))
@@ -305,14 +210,6 @@ def _finish(plan: VideoPlan, request: Request, report: Report, watcher: Watcher)
     if summary is not None:
         report.summaries[plan.name] = summary
     watcher.finished(plan, summary)
-
-
-def _seal(plan: VideoPlan, request: Request) -> dict[str, Any] | None:
-    for stage in plan.stages.values():
-        if stage.artifact is not None and stage.stage.leaves and joined_problem(stage.artifact):
-            seal(stage.artifact, stage.stage.leaves, plan.probe.times, plan.probe.names)
-    outputs = any(stage.stage.output for stage in plan.stages.values())
-    return write_summary(plan, request.settings) if outputs else None
 
 
 def dry_run(request: Request) -> list[str]:
