@@ -1,0 +1,53 @@
+"""``zsmoseg explain``: what it says follows from the arrays of the store."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from runs import segment
+
+from zsmoseg.workflows.cli import main
+from zsmoseg.workflows.result import open_store
+
+
+@pytest.fixture(scope="module")
+def store(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("explain")
+    segment(clip, root)
+    return root / "store"
+
+
+def test_the_evidence_of_a_mover_is_what_the_arrays_say(
+    store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = open_store(store)["disc"]
+    groups, tree = result.groups, result.tree
+    mover = int(groups.object[groups.group == 1][0])
+    assert main(["explain", "disc", "--store", str(store), "--object", str(mover)]) == 0
+    first, residuals, margin, states, affinity, background = capsys.readouterr().out.splitlines()
+    assert f"costs {groups.score[mover]:.3f} px more" in first
+    assert "group 1, instance 1" in first
+    own = np.sqrt(tree["residuals/residual"].sel(model=mover, object=mover).mean("pair"))
+    world = np.sqrt(tree["residuals/residual"].sel(model=0, object=mover).mean("pair"))
+    assert f"its own motion leaves {float(own):.3f} px" in residuals
+    assert f"the background's motion {float(world):.3f} px" in residuals
+    assert f"median {np.nanmedian(tree['groups/margin'].sel(object=mover)):+.2f}" in margin
+    frames = np.flatnonzero(tree["groups/moving"].sel(object=mover))
+    assert f"moving at frames {frames[0]} to {frames[-1]}" in states
+    assert (
+        f"{float(tree['affinity/affinity'].sel(object=mover, other=0)):.2f} with the background" in affinity
+    )
+    assert f"the largest {float(tree['groups/cell_excess'].max()):.3f} px" in background
+
+
+def test_an_object_that_is_not_there_is_named(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "disc", "--store", str(store), "--object", "77"]) == 2
+    assert "disc has no object 77; there are" in capsys.readouterr().err
+
+
+def test_all_objects_get_a_line_each(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "disc", "--store", str(store)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(open_store(store)["disc"].objects) - 1
