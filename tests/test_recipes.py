@@ -19,8 +19,8 @@ import zsmoseg
 from zsmoseg import settings
 from zsmoseg.errors import SettingsError
 from zsmoseg.metrics.clips import Clip, SequenceScore
-from zsmoseg.metrics.deferred import Deferred
 from zsmoseg.metrics.protocols import PROTOCOLS, Protocol, Rules
+from zsmoseg.metrics.registries import Deferred
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.cli import main

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from zsmoseg.metrics.deferred import Deferred
+from zsmoseg.metrics.registries import Deferred
 
 if TYPE_CHECKING:
     from zsmoseg.workflows.evaluate.scoreboard import Scoreboard

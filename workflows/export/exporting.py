@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Literal
 
 from zsmoseg.errors import OutputError, SettingsError, StoreError
+from zsmoseg.metrics.registries import entry
 from zsmoseg.stores import files
-from zsmoseg.workflows.export.registry import Choice, format_named, taking
+from zsmoseg.workflows.export.registry import FORMATS, Choice, taking
 from zsmoseg.workflows.result import Result
 
 
@@ -27,7 +28,7 @@ def choose(
     SettingsError
         If there is no such format, or an option would do nothing for it or is out of range.
     """
-    options = format_named(format).options
+    options = entry(FORMATS, "format", format).options
     for option, given in (("what", what), ("when", when), ("dilate", dilate), ("cue", cues)):
         if given is not None and option not in options:
             raise SettingsError(
@@ -56,7 +57,7 @@ def export(results: Sequence[Result], out: Path, choice: Choice) -> Iterator[Pat
     StoreError
         If a run has not what is asked for.
     """
-    format = format_named(choice.format)
+    format = entry(FORMATS, "format", choice.format)
     jobs = [job for result in results for job in _jobs(result, out, choice)]
     if (out / "zsmoseg.json").exists() or (out.exists() and not out.is_dir()):
         raise OutputError(f"{out}: is {'a store' if out.is_dir() else 'a file'}; give another folder (-o)")
@@ -79,7 +80,7 @@ Job = tuple[Path, Result, Choice]
 
 def _jobs(result: Result, out: Path, choice: Choice) -> list[Job]:
     """Every file or folder of one video, and what is in it."""
-    format = format_named(choice.format)
+    format = entry(FORMATS, "format", choice.format)
     if format.cues != "none":
         _check_cues(result, choice.cues)
     if format.check is not None:

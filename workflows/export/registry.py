@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from zsmoseg.errors import SettingsError
-from zsmoseg.metrics.deferred import Deferred
+from zsmoseg.metrics.registries import Deferred
 
 if TYPE_CHECKING:  # the command line lists the formats without numpy
     from zsmoseg.workflows.result import Result
@@ -158,19 +157,6 @@ FORMATS: dict[str, Format] = {
         ),
     )
 }
-
-
-def format_named(name: str) -> Format:
-    """The entry of a format.
-
-    Raises
-    ------
-    SettingsError
-        There is none of this name.
-    """
-    if name not in FORMATS:
-        raise SettingsError(f"there is no format {name!r}; choose one of {', '.join(FORMATS)}")
-    return FORMATS[name]
 
 
 def taking(option: str) -> str:

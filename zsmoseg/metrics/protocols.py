@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from zsmoseg.errors import SettingsError
 from zsmoseg.metrics.clips import Clip, SequenceScore
-from zsmoseg.metrics.deferred import Deferred
+from zsmoseg.metrics.registries import Deferred, entry
 
 INNER = "the annotated frames without the first and the last"
 EVERY = "every annotated frame"
@@ -175,16 +174,8 @@ class Rules:
 
 
 def protocol_named(name: str) -> Protocol:
-    """The entry of a protocol.
-
-    Raises
-    ------
-    SettingsError
-        There is none of this name.
-    """
-    if name not in PROTOCOLS:
-        raise SettingsError(f"there is no protocol {name!r}; choose one of {', '.join(PROTOCOLS)}")
-    return PROTOCOLS[name]
+    """The entry of a protocol; ``SettingsError`` where there is none of this name."""
+    return entry(PROTOCOLS, "protocol", name)
 
 
 def protocols_with(truth: str) -> str:

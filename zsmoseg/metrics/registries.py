@@ -1,4 +1,4 @@
-"""Functions that a registry names and that are imported when they are first called.
+"""Registries: entries by name, and functions that they name and that are imported when they are first called.
 
 The command line lists protocols and export formats in its help without loading numpy, so their entries hold the
 address of a function instead of the function.
@@ -6,10 +6,27 @@ address of a function instead of the function.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
+
+from zsmoseg.errors import SettingsError
+
+T = TypeVar("T")
+
+
+def entry(registry: Mapping[str, T], what: str, name: str) -> T:
+    """The entry of a name; ``what`` the entries are, in words.
+
+    Raises
+    ------
+    SettingsError
+        There is none of this name.
+    """
+    if name not in registry:
+        raise SettingsError(f"there is no {what} {name!r}; choose one of {', '.join(registry)}")
+    return registry[name]
 
 
 @dataclass(frozen=True)
