@@ -99,10 +99,15 @@ class Arrays:
         return any(name in block.tables for block in found)
 
 
+def labels_of(kind: type[Arrays], artifact: Artifact) -> dict[str, Sequence[str]]:
+    """The labels of all dimensions of an artifact that have the same in every block."""
+    return {**LABELS, **kind.labels, **artifact.laid_out.get("labels", {})}
+
+
 def join(kind: type[Arrays], artifact: Artifact, found: Sequence[Block], start: int, stop: int) -> Joined:
     """The tables of some blocks of an artifact as one."""
     last_pair = max(artifact.parts[-1][1] - 1, 0) if artifact.parts else 0
-    fixed = frozenset({**LABELS, **kind.labels, **artifact.laid_out.get("labels", {})})
+    fixed = frozenset(labels_of(kind, artifact))
     return Joined(
         tables_of(kind),
         found,

@@ -53,8 +53,8 @@ class Joined:
         return name if name in self.fields and self.fields[name].dims == (name,) else None
 
     @cached_property
-    def _places(self) -> dict[tuple[int, int, str], Array]:
-        """Those that are known already, by part, start and name of the ids."""
+    def _places(self) -> dict[tuple[int, str], Array]:
+        """Those that are known already, by block (the object, as two blocks may have the same frames) and ids."""
         return {}
 
     @cached_property
@@ -72,7 +72,7 @@ class Joined:
         name = self.ids_name(dim)
         if name is None:
             return np.arange(length)
-        key = block.part, block.start, name
+        key = id(block), name
         if key not in self._places:
             self._places[key] = np.searchsorted(self.ids[name], self.load(block, name))
         return self._places[key]

@@ -14,10 +14,10 @@ import numpy as np
 
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files, joining
-from zsmoseg.stores.arrays import Arrays, join
+from zsmoseg.stores.arrays import Arrays, join, labels_of
 from zsmoseg.stores.artifact import AGAIN, Artifact
 from zsmoseg.stores.checks import part_problem
-from zsmoseg.stores.fields import IDS_OF, LABELS, TIMES, tables_of
+from zsmoseg.stores.fields import IDS_OF, TIMES, tables_of
 from zsmoseg.stores.packing import chunk_name, folder_metadata, json_bytes, metadata, pack, pack_text, pieces
 from zsmoseg.stores.reader import blocks
 from zsmoseg.stores.records import checksum, recall_record, write_record
@@ -72,12 +72,11 @@ def seal(
         whole.put(
             name, rows, shape, np.dtype(declared.dtype), declared.dims, declared.fill, declared.attributes
         )
-    described = {**LABELS, **kind.labels, **artifact.laid_out.get("labels", {})}
     for dim, source in IDS_OF.items():
         if dim in whole.sizes and source in joined.ids:
             ids = joined.ids[source]
             whole.put(dim, [ids], ids.shape, ids.dtype, (dim,), 0, {})
-    _coordinates(whole, described, times, names)
+    _coordinates(whole, labels_of(kind, artifact), times, names)
     whole.close()
     records = [recall_record(artifact.record_path(part)) for part in range(len(artifact.parts))]
     content = {
@@ -103,8 +102,11 @@ def _coordinates(
         time = np.asarray(times[:count], np.float64)
         whole.put("time", [time], time.shape, time.dtype, (timed,), np.nan, {"units": "s"})
         whole.put_text("name", list(names[:count]), timed)
+    for dim in labels.keys() & sizes.keys():
+        if sizes[dim] != len(labels[dim]):
+            raise ValueError(f"{whole.artifact.path}: {len(labels[dim])} labels for {sizes[dim]} of {dim}")
     for dim, text in labels.items():
-        if sizes.get(dim) == len(text):
+        if dim in sizes:
             whole.put_text(dim, list(text), dim)
 
 

@@ -86,8 +86,11 @@ class PartWriter:
         self, block: Arrays, name: str, sizes: dict[str, int], lengths: dict[str, int]
     ) -> None:
         """Raise ``ValueError`` where a dimension has not the length that frames, or another table, give it."""
-        frames = block.stop - block.start
-        allowed = {"frame": (frames,), "pair": (frames, frames - 1)}
+        frames, parts = block.stop - block.start, self.artifact.parts
+        pairs = min(block.stop, parts[-1][1] - 1) - block.start
+        # a block of a shot lacks the pair over the cut behind it; one of a chunk lacks none
+        shot = (frames - 1,) if len(parts) == 1 else ()
+        allowed = {"frame": (frames,), "pair": (*shot, pairs)}
         for dim, size in sizes.items():
             known = allowed.get(dim, (lengths.setdefault(dim, size),))
             if size not in known:

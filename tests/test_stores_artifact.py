@@ -190,6 +190,7 @@ class Ragged(Arrays):
     affinity: np.ndarray = table("object", "other", dtype="float64", meaning="of two objects")
     shot: np.ndarray = table("shot", dtype="int64", meaning="number")
     rank: np.ndarray = table("shot", "place", dtype="float64", meaning="as many as there are")
+    of_pair: np.ndarray = table("pair", dtype="float64", meaning="of a pair")
 
 
 def ragged(store: Store) -> Artifact:
@@ -211,6 +212,7 @@ def ragged(store: Store) -> Artifact:
                     affinity=np.full((3, 3), k / 2),
                     shot=np.array([k]),
                     rank=np.arange(k + 1.0)[None],
+                    of_pair=np.full(stop - start - 1, k / 2),
                 )
             )
             assert artifact.part(0) is None
@@ -245,6 +247,7 @@ def test_tables_are_joined_along_frames_over_the_union_of_objects_and_row_by_row
     for name in fields_of(Ragged):
         np.testing.assert_array_equal(opened[name].values, getattr(found, name), err_msg=name)
     assert float(opened["affinity"].sel(object=5, other=6)) == 1.0
+    np.testing.assert_array_equal(found.of_pair, [0, 0, np.nan, 0.5, 0.5, 0.5, np.nan, 1, 1])
     part = found.of(2, 8)
     assert part.rows.tolist() == [2, 3, 4, 5, 6, 7]
 
@@ -454,6 +457,7 @@ def test_ids_may_stand_in_any_order(store: Store) -> None:
             "rows, part 0: expected 4 along frame, got 5",
         ),
         ({"start": 1, "stop": 4, "rows": np.zeros(2, np.int64)}, "expected 3 along frame, got 2"),
+        ({"start": 0, "stop": 4, "of_pair": np.zeros(3)}, "of_pair, part 0: expected 4 along pair, got 3"),
         (
             {"start": 0, "stop": 4, "object": np.arange(3), "group": np.arange(2)},
             "group, part 0: expected 3 along object, got 2",
@@ -493,3 +497,19 @@ def test_a_look_at_it_reads_nothing(store: Store) -> None:
     assert repr(found) == "Ragged(start=0, stop=10)"
     assert found == Ragged.read(ragged(store))
     assert set(found.__dict__) == {"start", "stop", "_source"}
+
+
+def test_two_blocks_of_the_same_frames_keep_their_ids_apart(store: Store) -> None:
+    artifact = Artifact(store.path / "same")
+    begin(artifact, {}, [(0, 4)])
+    ids = [np.array([1, 2]), np.array([2, 3])]
+    put_blocks(artifact, 0, *(Ragged(start=0, stop=4, object=n, seen=n * 10) for n in ids))
+    assert Ragged.read(artifact).seen.tolist() == [10, 40, 30]
+
+
+def test_labels_that_do_not_fit_are_an_error(store: Store) -> None:
+    artifact = Artifact(store.path / "labels")
+    begin(artifact, {"labels": {"row": ["a", "b"]}}, [(0, 4)])
+    put_blocks(artifact, 0, Ragged(start=0, stop=4, value=np.zeros(3, np.float32)))
+    with pytest.raises(ValueError, match="2 labels for 3 of row"):
+        seal(artifact, Ragged, *times(4))

@@ -14,6 +14,7 @@ from zsmoseg import settings
 from zsmoseg.flow.pairs import STATES
 from zsmoseg.proposals.embedded.extraction import Links, measure
 from zsmoseg.proposals.embedded.features import SuperpixelFeatures
+from zsmoseg.proposals.embedded.features_loops import COLUMNS, FLOW_COLUMNS
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import Part, Stage, ignored, reach
@@ -22,8 +23,6 @@ from zsmoseg.workflows.stages.cues.frames import Frames
 from zsmoseg.workflows.stages.embedded.segments import Segments
 
 Counts = NDArray[np.int64]
-COLUMNS = ("size", "y", "x", "L", "a", "b", "rim", "detail", "slope_xx", "slope_xy", "slope_yy")
-FLOW_COLUMNS = ("u", "v", "error", "change")
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,14 @@ import numpy as np
 
 from zsmoseg.proposals.embedded.aliases import Bools, Floats, Segments, Singles
 
-SIZE, Y, X, L, A, B, RIM, DETAIL, XX, XY, YY = range(11)
+COLUMNS = ("size", "y", "x", "L", "a", "b", "rim", "detail", "slope_xx", "slope_xy", "slope_yy")
+SIZE, Y, X, L, A, B, RIM, DETAIL, XX, XY, YY = range(len(COLUMNS))
 """Columns of ``SuperpixelFeatures.feature``."""
-FEATURES = 11
-U, V, ERROR, CHANGE = range(4)
+FEATURES = len(COLUMNS)
+FLOW_COLUMNS = ("u", "v", "error", "change")
+U, V, ERROR, CHANGE = range(len(FLOW_COLUMNS))
 """Columns of ``SuperpixelFeatures.forward`` and ``backward``."""
-FLOW_FEATURES = 4
+FLOW_FEATURES = len(FLOW_COLUMNS)
 RIM_WIDTH = 2
 """Pixels this close to the border of the frame are its rim: a superpixel beside it may not quite reach it, px."""
 
