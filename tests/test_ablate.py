@@ -74,9 +74,9 @@ def test_a_second_time_nothing_is_computed_and_a_run_to_the_end_stays_what_is_op
 
 
 def test_sweeps_become_tables_and_plots_and_one_setting_is_one_table(data: Path, tmp_path: Path) -> None:
-    sweeps = ["groups.floor=0.05,0.1", "motion.model=affine,quadratic", "groups.floor=0.2,0.1"]
+    sweeps = ["affinity.floor=0.05,0.1", "motion.model=affine,quadratic", "affinity.floor=0.2,0.1"]
     assert ablate(data, tmp_path, *(w for text in sweeps for w in ("--sweep", text))) == 0
-    board = json.loads((tmp_path / "tables" / "groups.floor.json").read_text())
+    board = json.loads((tmp_path / "tables" / "affinity.floor.json").read_text())
     assert [m.partition(" = ")[2] for m in board["methods"]] == ["0.05", "0.1", "0.2"]
     with Image.open(tmp_path / "tables" / "motion.model.png") as plot:
         assert plot.size == (768, 480)
@@ -85,9 +85,9 @@ def test_sweeps_become_tables_and_plots_and_one_setting_is_one_table(data: Path,
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (["--sweep", "groups.floor"], "--sweep groups.floor: expected"),
+        (["--sweep", "affinity.floor"], "--sweep affinity.floor: expected"),
         (["--sweep", "=1,2"], "--sweep =1,2: expected"),
-        (["--sweep", "groups.floor=0.1", "--sweep", "groups.flor=1"], "groups.flor is unknown"),
+        (["--sweep", "affinity.floor=0.1", "--sweep", "affinity.flor=1"], "affinity.flor is unknown"),
         (["--sweep", "motion.model=affine,cubic"], "motion.model = 'cubic'"),
     ],
 )
@@ -111,7 +111,7 @@ def test_an_output_folder_of_something_else_is_refused(
 
 
 def test_values_of_a_sweep_are_read_as_settings_are() -> None:
-    assert [dict(v.settings) for v in sweep("groups.floor = 0.1, 0.2")] == [
-        {"groups.floor": 0.1},
-        {"groups.floor": 0.2},
+    assert [dict(v.settings) for v in sweep("affinity.floor = 0.1, 0.2")] == [
+        {"affinity.floor": 0.1},
+        {"affinity.floor": 0.2},
     ]

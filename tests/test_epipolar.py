@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from zsmoseg.flow.trajectories import Tracks
-from zsmoseg.grouping.affinity import Kernel, accumulate, normalised
+from zsmoseg.grouping.affinity import Kernel, accumulate, normalised, of_views
 from zsmoseg.grouping.epipolar import (
     LEAST_POINTS,
     epipolar_residuals,
@@ -192,12 +192,14 @@ def test_pairs_of_a_gap_do_not_overlap() -> None:
 def test_residuals_make_an_affinity_that_parts_movers_from_the_scene_alone_and_fused() -> None:
     tracks, label = scene_tracks()
     pairs = ((p.ids, p.residual, p.points) for p in epipolar_residuals(tracks, label, GAPS))
-    view = normalised(*accumulate(pairs, 5, resolve().affinity.parameters(Kernel)))
+    kernel = resolve().affinity.parameters(Kernel)
+    view = normalised(*accumulate(of_views(pairs, kernel), 5)[:2], kernel.kernel)
     for affinity in (view, fused([view, view]), fused([view, view], 2)):
         same = np.array([0, 0, 0, 1, 1])
         within = affinity[same[:, None] == same]
         across = affinity[same[:, None] != same]
         assert within.min() > across.max() + 0.3
+    assert view[0, 1:3].min() > 0.5 > view[0, 3:].max()
 
 
 def test_objects_of_few_tracks_are_unseen() -> None:

@@ -26,8 +26,13 @@ def test_the_evidence_of_a_mover_is_what_the_arrays_say(
     groups, tree = result.groups, result.tree
     mover = int(groups.object[groups.group == 1][0])
     assert main(["explain", "disc", "--store", str(store), "--object", str(mover)]) == 0
-    first, residuals, margin, states, affinity, background = capsys.readouterr().out.splitlines()
-    assert f"costs {groups.score[mover]:.3f} px more" in first
+    first, affinity, residuals, margin, states, values = capsys.readouterr().out.splitlines()
+    assert (
+        f"costs {groups.excess[mover]:.3f} px more than one each, {groups.tolerance[mover]:.3f} px are"
+        in first
+    )
+    assert f"affinity {groups.world[mover]:.2f} with the world, the border is 0.50" in first
+    assert groups.world[mover] == pytest.approx(float(tree["affinity/affinity"].sel(object=mover, other=0)))
     assert "group 1, instance 1" in first
     own = np.sqrt(tree["residuals/residual"].sel(model=mover, object=mover).mean("pair"))
     world = np.sqrt(tree["residuals/residual"].sel(model=0, object=mover).mean("pair"))
@@ -37,9 +42,23 @@ def test_the_evidence_of_a_mover_is_what_the_arrays_say(
     frames = np.flatnonzero(tree["groups/moving"].sel(object=mover))
     assert f"moving at frames {frames[0]} to {frames[-1]}" in states
     assert (
-        f"{float(tree['affinity/affinity'].sel(object=mover, other=0)):.2f} with the background" in affinity
+        f"with the static world {float(tree['affinity/affinity'].sel(object=mover, other=0)):.2f}" in affinity
     )
-    assert f"the largest {float(tree['groups/cell_excess'].max()):.3f} px" in background
+    assert f"{float(tree['groups/eigenvalue'].max()):.2f}" in values
+
+
+def test_every_pair_is_told_where_asked(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = open_store(store)["disc"]
+    mover = int(result.groups.object[result.groups.group == 1][0])
+    assert main(["explain", "disc", "--store", str(store), "--object", str(mover), "--pairs"]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  frames ")]
+    affinity = result.affinity
+    assert len(lines) == int(np.isfinite(affinity.excess[:, mover]).sum()) > 0
+    cost, tolerated = affinity.excess[0, mover], affinity.tolerance[0, mover]
+    told = f"costs {cost:.3f} px, tolerated {tolerated:.3f} px, affinity {tolerated / (tolerated + cost):.2f}"
+    assert lines[0] == f"  frames 0 and 1: {told}"
+    assert main(["explain", "disc", "--store", str(store), "--pairs"]) == 2
+    assert "name it with --object N" in capsys.readouterr().err
 
 
 def test_an_object_that_is_not_there_is_named(store: Path, capsys: pytest.CaptureFixture[str]) -> None:

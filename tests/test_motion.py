@@ -12,7 +12,7 @@ from zsmoseg.motion.grams import gram_matrices
 from zsmoseg.motion.measuring import measure_pair
 from zsmoseg.motion.models import BASIS, MODELS, Model, coordinates, normalise
 from zsmoseg.motion.residuals import merge_costs, pair_residuals
-from zsmoseg.motion.statistics import Sums, cell_grid, slots, without_borders
+from zsmoseg.motion.statistics import Sums, mean_flow, slots, without_borders
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import Motion, rigid_flow
 
@@ -60,10 +60,10 @@ def pair_statistics(
     ignore: np.ndarray | None,
     sums: Sums,
 ) -> np.ndarray:
-    """Grams of the objects, then of the cells."""
+    """Grams of the objects."""
     found = measure_pair(label, ids, flow, back, inverse, None, ignore, sums)
     assert np.isnan(found.unexplained).all()
-    return np.concatenate([found.gram, found.cells])
+    return found.gram
 
 
 def design(inverse_depth: np.ndarray, model: Model) -> tuple[np.ndarray, np.ndarray]:
@@ -76,7 +76,7 @@ def design(inverse_depth: np.ndarray, model: Model) -> tuple[np.ndarray, np.ndar
 
 def residual_of(label: np.ndarray, flow: np.ndarray, inverse: np.ndarray, model: str) -> np.ndarray:
     gram = pair_statistics(label, ids_of(label), flow, None, inverse, None, PLAIN)
-    return pair_residuals(gram[: int(label.max()) + 1], MODELS[model])[0]
+    return pair_residuals(gram, MODELS[model]).residual
 
 
 def naive(label: np.ndarray, flow: np.ndarray, inverse: np.ndarray, model: str) -> np.ndarray:
@@ -188,14 +188,34 @@ def test_ignored_pixels_enter_no_sum() -> None:
     assert calm[:5, 0, 0].sum() == np.count_nonzero(~ignore)
 
 
-def test_cells_are_the_background_cut_by_a_grid() -> None:
+@pytest.mark.parametrize("noise", [0.1, 0.4])
+def test_noise_is_measured_whatever_the_motion_and_the_depth(noise: float) -> None:
+    """White noise, at any lag; the flow itself, of a camera that turns and moves, adds next to nothing."""
+    label, inverse = scene(objects=2)
+    flow = rigid(label, inverse) + np.random.default_rng(1).normal(0, noise, (2, *SHAPE))
+    for lag in (1, 4):
+        sums = resolve(overrides={"statistics.border": 0, "statistics.noise_lag": lag}).statistics
+        found = measure_pair(label, ids_of(label), flow, None, inverse, None, None, sums.parameters(Sums))
+        assert found.noise == pytest.approx(2 * noise**2, rel=0.15)
+
+
+def test_noise_of_flow_that_is_known_nowhere_on_the_background_is_nothing() -> None:
+    label = np.zeros(SHAPE, np.uint16)
+    for flow in (np.full((2, *SHAPE), np.nan), np.ones((2, *SHAPE))):
+        assert measure_pair(label, ids_of(label), flow, None, None, None, None, PLAIN).noise == 0.0
+        assert (
+            measure_pair(label + np.uint16(1), np.array([0, 1]), flow, None, None, None, None, PLAIN).noise
+            == 0
+        )
+
+
+def test_mean_flow_is_that_of_the_pixels_and_unknown_of_few() -> None:
     label, inverse = scene()
-    flow = rigid(label, inverse).astype(np.float32)
-    gram = pair_statistics(label, ids_of(label), flow, None, inverse, None, PLAIN)
-    cells = cell_grid(SHAPE, PLAIN.cells_y, PLAIN.cells_x)
-    expected = [np.count_nonzero((cells == k) & (label == 0)) for k in range(PLAIN.cells_y * PLAIN.cells_x)]
-    assert gram[5:, 0, 0].tolist() == expected
-    np.testing.assert_allclose(gram[0], gram[5:].sum(0))
+    flow = rigid(label, inverse)
+    gram = pair_statistics(label, np.append(ids_of(label), 9), flow, None, inverse, None, PLAIN)
+    found = mean_flow(gram)
+    np.testing.assert_allclose(found[2], flow[:, label == 2].mean(1))
+    assert np.isnan(found[-1]).all()
 
 
 def test_absent_objects_have_no_pixels_and_unknown_labels_count_for_nothing() -> None:
@@ -270,7 +290,8 @@ def test_degenerate_objects_spread_no_nan(model: str, depth: str, kind: str) -> 
     inverse = {"constant": np.full(SHAPE, 0.2), "none": None, "relief": relief}[depth]
     flow = rigid(label, relief) + np.random.default_rng(0).normal(0, 0.1, (2, *SHAPE))
     gram = pair_statistics(label, ids_of(label), flow, None, inverse, None, PLAIN)
-    residual, pixels, coefficient = pair_residuals(gram[:2], MODELS[model])
+    found = pair_residuals(gram[:2], MODELS[model])
+    residual, pixels, coefficient = found.residual, found.pixels, found.coefficient
     assert pixels.tolist() == [np.count_nonzero(label == 0), np.count_nonzero(label == 1)]
     assert np.isfinite(residual[0, 0])
     assert np.isfinite(coefficient[0]).all()
@@ -282,10 +303,10 @@ def test_degenerate_objects_spread_no_nan(model: str, depth: str, kind: str) -> 
 
 
 def test_a_frame_without_any_pixel_is_unseen() -> None:
-    residual, pixels, coefficient = pair_residuals(np.zeros((3, 11, 11)), MODELS["screw"])
-    assert np.isnan(residual).all()
-    assert np.isnan(coefficient).all()
-    assert not pixels.any()
+    found = pair_residuals(np.zeros((3, 11, 11)), MODELS["screw"])
+    for values in (found.residual, found.merge, found.own, found.coefficient):
+        assert np.isnan(values).all()
+    assert not found.pixels.any()
 
 
 def test_one_motion_for_two_costs_nothing_where_they_share_it() -> None:
@@ -309,8 +330,10 @@ def test_slots_that_are_not_seen_change_no_bit() -> None:
     few, many = ids_of(label), np.array([0, 1, 2, 3, 4, 7, 8, 9, 30])
     grams = [pair_statistics(label, ids, flow, None, inverse, None, PLAIN)[: len(ids)] for ids in (few, many)]
     for model in MODELS.values():
-        a, b = (pair_residuals(gram, model)[0] for gram in grams)
-        np.testing.assert_array_equal(a, b[:5, :5])
+        a, b = (pair_residuals(gram, model) for gram in grams)
+        np.testing.assert_array_equal(a.residual, b.residual[:5, :5])
+        np.testing.assert_array_equal(a.merge, b.merge[:5, :5])
+        np.testing.assert_array_equal(a.own, b.own[:5])
 
 
 def test_terms_are_named_and_every_model_is_a_combination_of_the_monomials() -> None:

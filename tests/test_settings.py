@@ -51,7 +51,7 @@ def test_everything_wrong_is_told_at_once() -> None:
     text = str(error.value)
     assert "flow.strid is unknown; did you mean flow.stride?" in text
     assert "flow.stride = 99: expected an integer >= 1 and <= 8" in text
-    assert "groups.keep is groups.below_strongest now" in text
+    assert "groups.keep is no setting any more" in text
 
 
 def test_words_of_the_command_line_are_values() -> None:

@@ -1,4 +1,4 @@
-"""The evidence for one object in words: residuals, margin, states, eigenvalues."""
+"""The evidence for one object in words: affinity, residuals, margin, states, eigenvalues, and pair by pair."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.workflows.result import Result
-from zsmoseg.workflows.stages.front_end import Objects, Shot, shots_of
-from zsmoseg.workflows.stages.motion.affinity import Affinity, each_residual
+from zsmoseg.workflows.stages.front_end import Objects, Shot, local_ids, shots_of
 from zsmoseg.workflows.stages.motion.residuals import Residuals
 
 SHOWN = 5
@@ -19,26 +18,43 @@ SHOWN = 5
 
 def details(result: Result, number: int) -> list[str]:
     """What the stages keep about object ``number``, a line each."""
-    shot = next(s for s in shots_of(Objects.read(result.artifact("objects"))) if number in s.objects)
+    shot = _shot_of(result, number)
     (state,) = result.groups.of(shot.start, shot.stop).blocks()
     local = int(np.searchsorted(shot.objects, number))
     return [
+        _companions(result, shot, local),
         _residuals(result, shot, local),
         _margin(state.margin[:, local], shot.start),
         _states(state.moving[:, local], shot.start),
-        _companions(result, shot, local),
-        _background(state.cell_excess[0], state.eigenvalue[0]),
+        _eigenvalues(state.eigenvalue[0]),
     ]
+
+
+def each_pair(result: Result, number: int) -> Iterator[str]:
+    """What object ``number`` costs the static world, a line for every pair of frames that shows it."""
+    shot = _shot_of(result, number)
+    (found,) = result.affinity.of(shot.start, shot.stop).blocks()
+    local = int(np.searchsorted(shot.objects, number))
+    columns = zip(*(x[:, local] for x in (found.excess, found.tolerance, found.weight)), strict=True)
+    for pair, (excess, tolerance, weight) in enumerate(columns, start=shot.start):
+        if np.isfinite(excess):
+            told = f"affinity {tolerance / (tolerance + excess):.2f}" if weight > 0 else "counts for nothing"
+            yield f"frames {pair} and {pair + 1}: costs {excess:.3f} px, tolerated {tolerance:.3f} px, {told}"
+
+
+def _shot_of(result: Result, number: int) -> Shot:
+    return next(s for s in shots_of(Objects.read(result.artifact("objects"))) if number in s.objects)
 
 
 def mean_residuals(result: Result, shot: Shot, local: int) -> NDArray[np.float64]:
     """(objects of the shot,) px: how much each one's model leaves on object ``local``; NaN: never seen together."""
     total, pairs = np.zeros(len(shot.objects)), np.zeros(len(shot.objects))
-    for ids, residual, _ in each_residual(Residuals.read(result.artifact("residuals")), shot):
-        for column in np.flatnonzero(ids == local):
-            seen = np.isfinite(residual[:, column])
-            total[ids[seen]] += residual[seen, column]
-            pairs[ids[seen]] += 1
+    for block in Residuals.read(result.artifact("residuals")).of(shot.start, shot.stop).blocks():
+        keep, ids = local_ids(block.object, shot)
+        for column in keep[ids == local]:
+            left = block.residual[block.valid][:, keep, column]
+            total[ids] += np.where(np.isfinite(left), left, 0.0).sum(0)
+            pairs[ids] += np.isfinite(left).sum(0)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.sqrt(total / np.where(pairs > 0, pairs, np.nan)))
 
@@ -67,7 +83,7 @@ def _margin(margin: NDArray[np.float32], start: int) -> str:
         return "margin: unknown, there is no pair of frames that shows it against the background"
     low, high = known[margin[known].argmin()], known[margin[known].argmax()]
     return (
-        f"margin, ln(excess / threshold): median {np.median(margin[known]):+.2f}, from {margin[low]:+.2f} at frame "
+        f"margin, ln of the odds against the static world: median {np.median(margin[known]):+.2f}, from {margin[low]:+.2f} at frame "
         f"{start + low} to {margin[high]:+.2f} at frame {start + high}"
     )
 
@@ -83,22 +99,21 @@ def _runs(moving: NDArray[np.bool_], start: int) -> Iterator[tuple[int, int]]:
 
 
 def _companions(result: Result, shot: Shot, local: int) -> str:
-    (found,) = Affinity.read(result.artifact("affinity")).of(shot.start, shot.stop).blocks()
-    together, similar = found.together[:, local].sum(0), found.affinity[local]
-    others = [n for n in np.argsort(-similar, kind="stable") if n != local and together[n] > 0][:SHOWN]
+    (found,) = result.affinity.of(shot.start, shot.stop).blocks()
+    similar = np.where(np.isfinite(found.affinity[local]), found.affinity[local], -1.0)
+    others = [n for n in np.argsort(-similar, kind="stable") if n not in (local, 0) and similar[n] >= 0]
+    world = (
+        f"affinity with the static world {similar[0]:.2f}"
+        if similar[0] >= 0
+        else "no affinity with the world"
+    )
     if not others:
-        return "affinity: it is never seen together with another object"
-    told = ", ".join(
-        f"{similar[n]:.2f} with {f'object {shot.objects[n]}' if n else 'the background'}" for n in others
-    )
-    return f"affinity: {told}"
+        return f"{world}; it is never seen together with another object"
+    told = ", ".join(f"{similar[n]:.2f} with object {shot.objects[n]}" for n in others[:SHOWN])
+    return f"{world}; {told}; from 0.50 on one motion explains both"
 
 
-def _background(cells: NDArray[np.float64], eigenvalues: NDArray[np.float64]) -> str:
-    pieces = (
-        f"pieces of the background cost {np.median(cells):.3f} px, the largest {cells.max():.3f} px; "
-        if len(cells)
-        else ""
+def _eigenvalues(values: NDArray[np.float64]) -> str:
+    return (
+        f"eigenvalues of the normalised affinity of its shot: {', '.join(f'{v:.2f}' for v in values[:SHOWN])}"
     )
-    told = ", ".join(f"{v:.2f}" for v in eigenvalues[:SHOWN])
-    return f"{pieces}eigenvalues of the normalised affinity of its shot: {told}"

@@ -20,6 +20,7 @@ from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.given.objects import GivenObjects
+from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 BLOCK = 16
 """Frames that a lazy mask reads at once."""
-COLUMNS = ("object", "group", "instance", "frames", "area", "score", "threshold", "visibility")
+COLUMNS = ("object", "group", "instance", "frames", "area", "excess", "tolerance", "world")
 """Of the table of objects."""
 LAST = "masks"
 """What a run to the end reaches."""
@@ -127,20 +128,27 @@ class Result:
         return Groups.read(self.artifact("groups"))
 
     @property
+    def affinity(self) -> Affinity:
+        """What the stage ``affinity`` left: how alike objects move, who is static, the evidence pair by pair."""
+        return Affinity.read(self.artifact("affinity"))
+
+    @property
     def labels(self) -> Labels:
         """What the stage ``labels`` left: the object of every pixel."""
         return Labels.read(self.artifact("labels"))
 
     @property
     def objects(self) -> pd.DataFrame:
-        """One row an object: object, group, instance, frames, area, score (px), threshold (px), visibility.
+        """One row an object: object, group, instance, frames, area, excess (px), tolerance (px), world, visibility.
 
+        ``world`` is the affinity with the static world, tolerance / (tolerance + excess): one half = at the tolerance.
         Of imported masks with ids also ``origin``, the id in the files.
         """
         import pandas as pd
 
         groups = self.groups
         columns = {name: getattr(groups, name) for name in COLUMNS}
+        columns["visibility"] = self.affinity.visibility
         if "proposals" in self.keys:
             columns["origin"] = GivenObjects.read(self.artifact("objects")).origin
         return pd.DataFrame({name: column[groups.area > 0] for name, column in columns.items()})

@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from math import isfinite
+from typing import TYPE_CHECKING, Any
 
 from zsmoseg.workflows.cli.common import store_option, store_path
+
+if TYPE_CHECKING:
+    from zsmoseg.workflows.result import Result
+
+HALF = 0.5
+"""Affinity with the world from which on an object is static."""
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -13,6 +20,11 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("video", help="name of a video in the store (see zsmoseg status)")
     store_option(parser)
     parser.add_argument("--object", type=int, metavar="N", help="only this object (value in the labels)")
+    parser.add_argument(
+        "--pairs",
+        action="store_true",
+        help="with --object: every pair of frames, what it costs and what is tolerated",
+    )
     parser.add_argument("--run", help="of this run instead of the latest (see zsmoseg runs)")
 
 
@@ -22,16 +34,19 @@ def main(options: argparse.Namespace) -> int:
     Raises
     ------
     StoreError
-        There is no such object.
+        There is no such object, or ``--pairs`` is asked for without one.
     """
     from zsmoseg.errors import StoreError
-    from zsmoseg.workflows.explanation import details
+    from zsmoseg.workflows.explanation import details, each_pair
     from zsmoseg.workflows.result import open_store
+
+    if options.pairs and not options.object:
+        raise StoreError("--pairs tells of one object; name it with --object N")
 
     result = open_store(store_path(options.store)).get(options.video, options.run)
     table, moving = result.objects, result.moving()
-    described = result.artifact("groups").description or {}
-    chosen = described["settings"]["groups"]
+    rule = _setting(result, "groups", "rule")
+    visible = _setting(result, "affinity", "visible")
     if options.object is not None and options.object not in table["object"].array:
         raise StoreError(
             f"{options.video} has no object {options.object}; there are "
@@ -43,37 +58,53 @@ def main(options: argparse.Namespace) -> int:
     if not rows:
         print("nothing was proposed: there is no object")
     for row in rows:
-        print(sentence(row, int(moving[:, row["object"]].sum()), chosen["rule"], float(chosen["visible"])))
+        print(sentence(row, int(moving[:, row["object"]].sum()), rule, float(visible)))
     if options.object:
         for line in details(result, options.object):
+            print(f"  {line}")
+    if options.pairs:
+        for line in each_pair(result, options.object):
             print(f"  {line}")
     return 0
 
 
+def _setting(result: Result, stage: str, name: str) -> Any:
+    """A setting that the artifact of a stage was made with."""
+    return (result.artifact(stage).description or {})["settings"][stage][name]
+
+
 def sentence(row: dict[str, Any], frames_moving: int, rule: str, visible: float) -> str:
-    """The evidence for one object in words; ``rule`` and ``visible`` are the settings of ``groups``."""
+    """The evidence for one object in words; ``rule`` and ``visible`` are the settings it was grouped with."""
     seen = f"object {row['object']}: seen in {row['frames']} frames, {row['area']} pixels in all"
     answer = (
         f"group {row['group']}, instance {row['instance']}, moving in {frames_moving} frames"
         if row["group"]
         else "static"
     )
-    evidence = (
-        f"one motion for it and the static world costs {row['score']:.3f} px more than a motion of its own"
-    )
-    if rule == "keep":
-        return f"{seen}; {evidence}; kept as it was proposed: {answer}"
-    if rule == "spectral":
-        word = "apart from" if row["group"] else "with"
-        return f"{seen}; {evidence}; the clusters of the affinity have it {word} the background: {answer}"
-    if row["group"] == 0 and row["visibility"] < visible:
-        return (
-            f"{seen}; the static world's motion explains its image as well as its own flow does (error ratio "
-            f"{row['visibility']:.2f}, needed {visible:.2f}): static"
+    if not isfinite(row["world"]):
+        evidence = (
+            f"the static world's motion explains its image as well as its own flow does (error ratio "
+            f"{row['visibility']:.2f}, needed {visible:.2f})"
+            if row["visibility"] < visible
+            else "no pair of frames shows it against the static world"
         )
-    joined = (
-        ""
-        if not row["group"] or row["score"] > row["threshold"]
-        else ", joined by nearness to an instance that moves"
-    )
-    return f"{seen}; {evidence}; the threshold is {row['threshold']:.3f} px: {answer}{joined}"
+    else:
+        evidence = (
+            f"one motion for it and the static world costs {row['excess']:.3f} px more than one each, "
+            f"{row['tolerance']:.3f} px are tolerated: affinity {row['world']:.2f} with the world, the border is 0.50"
+        )
+    return f"{seen}; {evidence}; {_why(row, rule)}{answer}"
+
+
+def _why(row: dict[str, Any], rule: str) -> str:
+    """What else made the answer, where the affinity with the world did not."""
+    if rule == "keep":
+        return "kept as it was proposed: "
+    if rule == "spectral":
+        return f"the clusters of the affinity have it {'apart from' if row['group'] else 'with'} the background: "
+    moves = isfinite(row["world"]) and row["world"] < HALF
+    if row["group"] and not moves:
+        return "by the number of groups asked for, or joined by nearness to an instance that moves: "
+    if not row["group"] and moves:
+        return "it agreed with the world before that was refitted, or is too small or too short a mover: "
+    return ""

@@ -13,6 +13,7 @@ from zsmoseg import __version__
 from zsmoseg.settings import Settings
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.stages.front_end import Labels
+from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 
 NAME = "summary.json"
@@ -33,7 +34,7 @@ def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
 def states(plan: VideoPlan) -> str:
     """CSV, a row for every object at every frame that shows it: whether it moves, and by what margin.
 
-    The margin is ln(excess / threshold), empty where it is unknown.
+    The margin is the logarithm of the odds against the static world (cost over what is tolerated), empty where it is unknown.
     """
     labels, groups, out = _labels(plan), _groups(plan), StringIO()
     rows = csv.writer(out, lineterminator="\n")
@@ -57,6 +58,12 @@ def _groups(plan: VideoPlan) -> Groups:
     return Groups.read(artifact)
 
 
+def _affinity(plan: VideoPlan) -> Affinity:
+    artifact = plan.stages["affinity"].artifact
+    assert artifact is not None
+    return Affinity.read(artifact)
+
+
 def _labels(plan: VideoPlan) -> Labels:
     artifact = plan.stages["labels"].artifact
     assert artifact is not None
@@ -71,7 +78,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     assert record is not None
     found = Groups.read(artifact)
     group, area, frames = found.group, found.area, len(plan.probe.times)
-    moving = moving_objects(found, 0, frames)
+    moving, visibility = moving_objects(found, 0, frames), _affinity(plan).visibility
     return {
         "zsmoseg": __version__,
         "source": plan.source,
@@ -91,9 +98,10 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
                 "frames": int(found.frames[n]),
                 "frames_moving": int(moving[:, n].sum()),
                 "pixels": int(area[n]),
-                "excess_px": round(float(found.score[n]), 4),
-                "threshold_px": round(float(found.threshold[n]), 4),
-                "visibility": round(float(found.visibility[n]), 4),
+                "excess_px": _known(found.excess[n]),
+                "tolerance_px": _known(found.tolerance[n]),
+                "affinity_with_world": _known(found.world[n]),
+                "visibility": _known(visibility[n]),
             }
             for n in np.flatnonzero(area > 0)
             if n > 0
@@ -104,6 +112,11 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
             name: _cost(plan, name) for name, stage in plan.stages.items() if stage.artifact is not None
         },
     }
+
+
+def _known(value: float) -> float | None:
+    """Four digits; None where it is unknown."""
+    return round(float(value), 4) if np.isfinite(value) else None
 
 
 def _share(area: Any, group: Any, plan: VideoPlan) -> float:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.motion.models import Floats
 
 Labels = NDArray[np.int64]
+Count = Literal["auto"] | int
+"""Number of groups, the static one included, or ``auto``."""
 TINY = 1e-12
 """Instead of 0 as divisor, and below which a row is 0."""
 LEAST_WEIGHT = 1e-9

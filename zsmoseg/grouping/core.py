@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.flow.consistency import Flow
-from zsmoseg.grouping.affinity import Kernel, accumulate, normalised
-from zsmoseg.grouping.evidence import PairGrams
+from zsmoseg.grouping.affinity import Kernel, ShotAffinity, shot_affinity
 from zsmoseg.grouping.groups import Grouping, ShotGroups, group_shot
+from zsmoseg.grouping.instances import end_velocities
 from zsmoseg.grouping.pieces import measure_pieces
+from zsmoseg.grouping.world import Pair
 from zsmoseg.motion.measuring import measure_pair
-from zsmoseg.motion.models import MODELS
+from zsmoseg.motion.models import MODELS, Model
 from zsmoseg.motion.residuals import pair_residuals
-from zsmoseg.motion.statistics import Sums
+from zsmoseg.motion.statistics import Sums, mean_flow
 
 
 @dataclass(frozen=True)
@@ -32,22 +32,23 @@ class Core:
     """How objects are grouped."""
 
 
-def shot_grams(
+def shot_pairs(
     labels: NDArray[np.integer[Any]],
     flow: Flow,
     inverse_depth: NDArray[np.floating] | None,
+    model: Model,
     sums: Sums,
     ignore: NDArray[np.bool_] | None = None,
     valid: NDArray[np.bool_] | None = None,
-) -> list[PairGrams]:
-    """The Grams of the valid pairs; parameters as in ``group_arrays``."""
+) -> list[Pair]:
+    """The valid pairs measured; parameters as in ``group_arrays``."""
     ids = np.arange(int(labels.max(initial=0)) + 1, dtype=np.int64)
     out = []
     for m in range(len(flow)):
         if valid is None or valid[m]:
             depth = None if inverse_depth is None else inverse_depth[m]
             found = measure_pair(labels[m], ids, flow[m], None, depth, None, ignore, sums)
-            out.append(PairGrams(m, ids, found.gram, found.cells))
+            out.append(Pair(m, ids, found.gram, found.noise, pair_residuals(found.gram, model)))
     return out
 
 
@@ -60,7 +61,7 @@ def group_arrays(
     core: Core,
     ignore: NDArray[np.bool_] | None = None,
     valid: NDArray[np.bool_] | None = None,
-) -> ShotGroups:
+) -> tuple[ShotGroups, ShotAffinity]:
     """Statistics, residuals, affinity and groups of one shot.
 
     Parameters
@@ -75,16 +76,14 @@ def group_arrays(
 
     Returns
     -------
-    ShotGroups
-        Groups and instances by object, motion state by frame and object, and the evidence.
+    ShotGroups, ShotAffinity
+        Groups and instances by object, motion state by frame and object; the affinity and what lies beside it.
     """
-    grams = shot_grams(labels, flow, inverse_depth, core.statistics, ignore, valid)
+    pairs = shot_pairs(labels, flow, inverse_depth, MODELS[model], core.statistics, ignore, valid)
     count = int(labels.max(initial=0)) + 1
-    pairs = ((g.ids, *pair_residuals(g.objects, MODELS[model])[:2]) for g in grams)
-    affinity = normalised(*accumulate(pairs, count, core.affinity))
+    found = shot_affinity(lambda: iter(pairs), (len(flow), count), MODELS[model], core.affinity)
     pieces = measure_pieces(labels, frames, np.arange(count, dtype=np.int64))
-
-    def shot() -> Iterator[PairGrams]:
-        return iter(grams)
-
-    return group_shot(shot, pieces, affinity, labels.shape[1:], model, core.groups)
+    velocity = np.full((len(flow), count, 2), np.nan)
+    for p in pairs:
+        velocity[p.pair] = mean_flow(p.gram)
+    return group_shot(found, pieces, end_velocities(velocity), labels.shape[1:], core.groups), found

@@ -35,6 +35,25 @@ class Joining:
     """Part of its life up to which an object may be seen beside the one it goes on in."""
 
 
+ENDS = 3
+"""Pairs at either end whose mean is a velocity."""
+
+
+def end_velocities(velocity: Floats) -> Floats:
+    """(2, N, 2) px a frame, of the first and of the last pairs of every object; 0 where it is never seen.
+
+    Parameters
+    ----------
+    velocity : (M, N, 2) x, y px, mean flow of every pair; NaN = unseen.
+    """
+    out = np.zeros((2, *velocity.shape[1:]))
+    for n in range(velocity.shape[1]):
+        known = velocity[np.isfinite(velocity[:, n]).all(1), n]
+        if len(known):
+            out[:, n] = known[:ENDS].mean(0), known[-ENDS:].mean(0)
+    return out
+
+
 def box_gap(a: Floats, b: Floats) -> Floats:
     """Distance (...) between boxes (..., 4) of x0, y0, x1, y1, px; 0 where they overlap."""
     d = np.maximum(np.maximum(a[..., :2] - b[..., 2:], b[..., :2] - a[..., 2:]), 0.0)

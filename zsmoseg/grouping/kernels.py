@@ -1,4 +1,4 @@
-"""Kernels: from the residuals of one pair to who agrees with whom.
+"""Kernels: from the residuals of one pair of frames to who agrees with whom.
 
 Ordered residual kernel: Chin, Wang, Suter, "The ordered residual kernel for robust motion subspace clustering", NIPS
 2009; Huang, Chen, Zelek (the paper), section on the affinity.
@@ -10,7 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from zsmoseg.motion.models import Floats
+from zsmoseg.grouping.world import Pair, Tolerance, chance, deviation
+from zsmoseg.motion.models import Floats, Model
 
 
 def preferences(residual: Floats, chosen: int, ranking: Literal["row", "column"]) -> Floats:
@@ -49,18 +50,40 @@ def ordered_weighted(residual: Floats, ranking: Literal["row", "column"]) -> Flo
     return np.asarray(out / weights.sum())
 
 
-def inlier(residual: Floats, pixels: Floats, factor: float, floor: float) -> Floats:
-    """1 where the model of the larger of two objects explains the smaller about as well as its own does.
+def merge(p: Pair, model: Model, k: Tolerance) -> tuple[Floats, Floats]:
+    """What one motion for two costs and what is tolerated, px, (n, n) each, of the objects seen in one pair.
+
+        E[i, j] = sqrt((SSE(i + j) - SSE(i) - SSE(j)) / min(|i|, |j|) - chance)
+        T[i, j] = floor + sqrt(pair (s2(i) + s2(j)))
+
+    with s2 and the chance as in ``world``. Unlike residuals of one's motion on the other's pixels, the cost of merging
+    never extrapolates the motion of a small thing to a far one (Ward, "Hierarchical grouping to optimize an objective
+    function", JASA 1963).
+    """
+    seen, found = p.seen, p.found
+    pixels, own, own2 = found.pixels[seen], found.own[seen], deviation(p)
+    small = np.minimum(pixels[:, None], pixels)
+    noise = np.minimum((own[:, None] + own) / 2, own[0])
+    square = found.merge[np.ix_(seen, seen)] - chance(noise, small, model, k)
+    return np.sqrt(np.maximum(square, 0.0)), k.floor + np.sqrt(k.pair * (own2[:, None] + own2))
+
+
+def geometric(residual: Floats, pixels: Floats, k: Tolerance) -> tuple[Floats, Floats]:
+    """The same where only residuals of models on each other's points are known: of the larger's on the smaller's.
+
+        E[i, j] = sqrt(e[i, j] - e[j, j])      i the larger
+        T[i, j] = floor + sqrt(pair (e[i, i] + e[j, j]))
 
     Parameters
     ----------
-    factor : times the larger of the two own residuals, as root mean squares.
-    floor : px, residuals below it are noise.
+    residual : (n, n) px^2 of the objects seen, row = model.
+    pixels : (n,) pixels or points of each.
     """
     own = np.diagonal(residual)
-    limit = factor**2 * (np.maximum(own[:, None], own[None, :]) + floor**2)
-    fits = (residual < limit).astype(np.float64)
-    return np.where(pixels[:, None] >= pixels[None, :], fits, fits.T)
+    over = np.sqrt(np.maximum(residual - own, 0.0))
+    equal = pixels[:, None] == pixels
+    excess = np.where(equal, np.maximum(over, over.T), np.where(pixels[:, None] > pixels, over, over.T))
+    return excess, k.floor + np.sqrt(k.pair * (own[:, None] + own))
 
 
 def shared_choices(residual: Floats, share: float) -> Floats:

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.grouping.clustering import Labels
-from zsmoseg.grouping.decision import Count
+from zsmoseg.grouping.clustering import Count, Labels
 
 
 def remarks(seen: NDArray[np.bool_], group: Labels, count: Count, inferred: bool) -> list[str]:

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.grouping.evidence import PairEvidence
 from zsmoseg.motion.models import Floats
 
 LEAST = 1e-6
-"""px of excess that a logarithm is taken of at least."""
+"""Odds that a logarithm is taken of at least."""
 
 
 @dataclass(frozen=True)
@@ -19,41 +18,35 @@ class Hysteresis:
     """When a mover rests and when it moves again."""
 
     state_window: int
-    """Pairs of the median of the excess."""
+    """Pairs of the median of the odds."""
     state_low: float
-    """Thresholds below which a mover rests."""
+    """Part of what it is held to below which a mover rests."""
     state_high: float
-    """Thresholds above which it moves again."""
+    """Times that, above which it moves again."""
 
 
 def motion_state(
-    pairs: list[PairEvidence],
-    frames: int,
-    group: NDArray[np.int64],
-    threshold: Floats,
-    parameters: Hysteresis,
+    odds: Floats, against: Floats, group: NDArray[np.int64], frames: int, parameters: Hysteresis
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Whether each object moves (frames, N), and its margin (frames, N) = ln(excess / threshold), NaN where unknown.
+    """Whether each object moves (frames, N), and its margin (frames, N), NaN where unknown.
 
-    The excess is the median over ``state_window`` pairs. A state changes to moving above ``state_high``
-    thresholds, to resting below ``state_low``, else it stays; unseen pairs keep it. The last frame repeats the last
-    pair. Objects of the static group never move; a mover without evidence of its own moves wherever it is.
+    The margin is the logarithm of the odds against the static world, a median over ``state_window`` pairs, over what an
+    object is held to: 1, the tolerance; a mover whose odds over the shot are below 1 (by a given number of groups,
+    another rule, as a piece of an instance) is held to these. A state changes to moving above ``state_high``, to resting
+    below ``state_low`` times that, else it stays; unseen pairs keep it. The last frame repeats the last pair. Objects of
+    the static group never move; a mover without evidence of its own moves wherever it is.
 
     Parameters
     ----------
-    pairs : evidence of the pairs that have any.
-    frames : frames of the shot.
+    odds : (M, N) excess over tolerance of every pair, NaN = unseen.
+    against : (N,) odds over the shot, NaN = unknown.
     group : (N,) 0 = static.
-    threshold : (N,) px, infinite where nothing moves.
+    frames : frames of the shot, M + 1.
     """
-    excess = np.full((max(frames - 1, 1), len(group)), np.nan)
-    for e in pairs:
-        excess[e.pair, e.ids] = e.excess
-    smooth = median_filter(excess, parameters.state_window)
+    smooth = median_filter(odds, parameters.state_window) if len(odds) else np.full((1, len(group)), np.nan)
     smooth = np.concatenate([smooth, smooth[-1:]])[:frames]
-    margin = np.full(smooth.shape, np.nan)
-    some = np.isfinite(threshold)
-    margin[:, some] = np.log(np.maximum(smooth[:, some], LEAST) / threshold[some])
+    held = np.where((group > 0) & (against < 1), np.maximum(against, LEAST), 1.0)
+    margin = np.log(np.maximum(smooth, LEAST) / held)
     moving = np.zeros(smooth.shape, np.bool_)
     low, high = np.log(parameters.state_low), np.log(parameters.state_high)
     for n in np.flatnonzero(group > 0):

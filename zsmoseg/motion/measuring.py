@@ -9,19 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.flow.consistency import Flow
+from zsmoseg.flow.noise import flow_noise
 from zsmoseg.motion.models import Floats
 from zsmoseg.motion.photometric import Image, unexplained, world_motion
-from zsmoseg.motion.statistics import UNUSED, Sums, pair_sums, slots
+from zsmoseg.motion.statistics import UNUSED, Sums, pair_sums, slots, used_slots
 
 
 @dataclass(frozen=True)
 class PairMeasures:
-    """What one pair says of S objects, the background first, and of the cells of the background."""
+    """What one pair says of S objects, the background first."""
 
     gram: Floats
     """(S, 11, 11) Gram matrices; element [n, 0, 0] is a number of pixels."""
-    cells: Floats
-    """(cells, 11, 11)."""
+    noise: float
+    """Variance of the flow's error on the background, px^2."""
     unexplained: Floats
     """(S, 2) what the world's motion leaves of the picture, and what the flow does, grey levels^2 x px; NaN without
     pictures."""
@@ -49,10 +50,11 @@ def measure_pair(
     ignore : (h, w) true where pixels count for nothing.
     """
     slot, count = slots(label, ids), len(ids)
-    sums = pair_sums(slot, count, forward, backward, inverse_depth, ignore, parameters)
-    gram, cells = sums[:count], sums[count:]
+    used = used_slots(slot, forward, backward, ignore, parameters)
+    gram = pair_sums(used, count, forward, inverse_depth)
+    noise = flow_noise(forward, used == 0, parameters.noise_lag)
     if pictures is None:
-        return PairMeasures(gram, cells, np.full((count, 2), np.nan))
+        return PairMeasures(gram, noise, np.full((count, 2), np.nan))
     world = world_motion(gram[0], gram.sum(0))
     seen = slot if ignore is None else np.where(ignore, np.int32(UNUSED), slot)
-    return PairMeasures(gram, cells, unexplained(*pictures, forward, world, seen, count))
+    return PairMeasures(gram, noise, unexplained(*pictures, forward, world, seen, count))

@@ -33,6 +33,9 @@ BASIS = 9
 U, V = 9, 10
 """Place of the flow among them."""
 SIZE = 11
+LEAST = 12
+"""Pixels of the working grid below which an object counts as unseen in a pair: two equations each, about two for
+each parameter of the largest model."""
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,12 @@ function", JASA 1963.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
+
 import numpy as np
 
 from zsmoseg.motion.fit import fit, own_cost
-from zsmoseg.motion.models import BASIS, SIZE, Floats, Model, U, V, pixels_of
-
-LEAST = 12
-"""Pixels of the working grid below which an object counts as unseen in a pair: two equations each, about two for
-each parameter of the largest model."""
+from zsmoseg.motion.models import BASIS, LEAST, SIZE, Floats, Model, U, V, pixels_of
 
 
 def residuals(gram: Floats, theta: Floats, model: Model) -> Floats:
@@ -33,28 +31,50 @@ def residuals(gram: Floats, theta: Floats, model: Model) -> Floats:
         return np.where(pixels > 0, np.maximum(total, 0.0) / pixels, np.nan)
 
 
-def pair_residuals(gram: Floats, model: Model) -> tuple[Floats, Floats, Floats]:
-    """The residual tensor of one pair.
+@dataclass(frozen=True)
+class PairResiduals:
+    """How well the motions of one pair's S slots explain each other; NaN where either is unseen."""
+
+    pixels: Floats
+    """(S,) pixels that count."""
+    own: Floats
+    """(S,) px^2, mean square that the own motion of each leaves."""
+    merge: Floats
+    """(S, S) px^2, what one motion for two costs over two motions, a pixel of the smaller; symmetric."""
+    residual: Floats
+    """(S, S) px^2, mean square that the motion of one (row) leaves on the pixels of another: e[m, i, n] of the paper."""
+    coefficient: Floats
+    """(S, terms) parameters of the motion of each."""
+
+
+def pair_residuals(gram: Floats, model: Model) -> PairResiduals:
+    """The residuals of one pair.
 
     Parameters
     ----------
     gram : (slots, 11, 11), the background first.
-
-    Returns
-    -------
-    residual (slots, slots) : row = model, column = pixels; px^2, NaN where either is unseen.
-    pixels (slots,)
-    coefficient (slots, terms) : NaN where unseen.
     """
-    count = len(gram)
-    seen = np.flatnonzero(pixels_of(gram) >= LEAST)
-    residual = np.full((count, count), np.nan)
-    coefficient = np.full((count, model.parameters), np.nan)
+    count, pixels = len(gram), pixels_of(gram).copy()
+    seen = np.flatnonzero(pixels >= LEAST)
+    own, coefficient = np.full(count, np.nan), np.full((count, model.parameters), np.nan)
+    merge, residual = np.full((2, count, count), np.nan)
     if len(seen):
-        theta = fit(gram[seen], model, gram.sum(0))
-        residual[np.ix_(seen, seen)] = residuals(gram[seen], theta, model)
-        coefficient[seen] = theta
-    return residual, pixels_of(gram).copy(), coefficient
+        frame, at = gram.sum(0), np.ix_(seen, seen)
+        theta = fit(gram[seen], model, frame)
+        residual[at], coefficient[seen] = residuals(gram[seen], theta, model), theta
+        merge[at], own[seen] = merge_costs(gram[seen], model, frame)
+    return PairResiduals(pixels, own, merge, residual, coefficient)
+
+
+def residuals_of_pairs(grams: Floats, model: Model) -> PairResiduals:
+    """The residuals of M pairs (M, slots, 11, 11): all fields with a first axis of length M."""
+    blank = pair_residuals(np.zeros(grams.shape[1:]), model)
+    found = [pair_residuals(gram, model) for gram in grams]
+    tables = {
+        f.name: np.array([getattr(one, f.name) for one in found]).reshape(-1, *getattr(blank, f.name).shape)
+        for f in fields(PairResiduals)
+    }
+    return PairResiduals(**tables)
 
 
 def merge_costs(gram: Floats, model: Model, frame: Floats) -> tuple[Floats, Floats]:

@@ -1,8 +1,8 @@
 """The one pass over the pixels: sums of products of which every model, residual and joint fit is made.
 
 Row n of the result is the Gram matrix of (1, x, y, q, xq, yq, x^2, xy, y^2, u, v) over the pixels of object n.
-Grams of disjoint sets add. The background is cut into a fixed grid of cells besides: pieces of the static world
-as large as an object, seen through the same flow and depth; they are the yardstick of the decision.
+Grams of disjoint sets add. What counts for nothing has no slot: pixels beside a boundary between objects, pixels whose
+flow does not lead back, pixels that are ignored.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from zsmoseg.flow.consistency import Flow, Tolerance, closed, round_trip
 from zsmoseg.motion.grams import gram_matrices
-from zsmoseg.motion.models import Floats, coordinates, normalise
+from zsmoseg.motion.models import LEAST, Floats, U, V, coordinates, normalise, pixels_of
 
 Slots = NDArray[np.int32]
 UNUSED = -1
@@ -29,7 +29,7 @@ EATEN = 0.75
 
 @dataclass(frozen=True)
 class Sums:
-    """Which pixels are summed, and into which cells."""
+    """Which pixels are summed."""
 
     border: int
     """px to a boundary between objects within which pixels are left out."""
@@ -37,33 +37,24 @@ class Sums:
     """px that the flow backward may miss the start of the flow forward by ..."""
     closure_part: float
     """... plus this part of the flow's length."""
-    cells_y: int
-    """Rows of the grid of background cells."""
-    cells_x: int
-    """Columns of the grid of background cells."""
+    noise_lag: int
+    """px over which the error of the flow is taken as independent."""
 
 
-def pair_sums(
+def used_slots(
     slot: Slots,
-    count: int,
     forward: Flow,
     backward: Flow | None,
-    inverse_depth: NDArray[np.floating] | None,
     ignore: NDArray[np.bool_] | None,
     parameters: Sums,
-) -> Floats:
-    """Gram matrices of one pair, of ``count`` objects and then of the cells.
+) -> Slots:
+    """(h, w) the slots of the pixels that count, ``UNUSED`` elsewhere.
 
     Parameters
     ----------
     slot : (h, w) object of every pixel on the working grid, 0 = background, below 0 = none.
     forward, backward : (2, h, w) px, NaN = unknown; backward None: the flow forward is right everywhere.
-    inverse_depth : (h, w), any positive scale; None: no depth, q = 0.
     ignore : (h, w) true where pixels count for nothing.
-
-    Returns
-    -------
-    (count + cells, 11, 11); element [n, 0, 0] is a number of pixels. Row 0 is the sum of the cells.
     """
     used = slot.copy()
     used[without_borders(slot, parameters.border)] = UNUSED
@@ -71,13 +62,28 @@ def pair_sums(
         used[_unclosed(forward, backward, slot > 0, parameters)] = UNUSED
     if ignore is not None:
         used[ignore] = UNUSED
-    rows, columns = parameters.cells_y, parameters.cells_x
-    used = np.where(used == 0, count + cell_grid(slot.shape, rows, columns), used)
-    x, y = coordinates(*slot.shape)
-    q = np.zeros(slot.shape) if inverse_depth is None else normalise(inverse_depth)
-    gram = np.asarray(gram_matrices(used, x, y, q, forward[0], forward[1], count + rows * columns))
-    gram[0] = gram[count:].sum(0)
-    return gram
+    return used
+
+
+def pair_sums(used: Slots, count: int, forward: Flow, inverse_depth: NDArray[np.floating] | None) -> Floats:
+    """Gram matrices (count, 11, 11) of the objects of one pair; element [n, 0, 0] is a number of pixels.
+
+    Parameters
+    ----------
+    used : (h, w) as ``used_slots`` gives them.
+    forward : (2, h, w) px, NaN = unknown.
+    inverse_depth : (h, w), any positive scale; None: no depth, q = 0.
+    """
+    x, y = coordinates(*used.shape)
+    q = np.zeros(used.shape) if inverse_depth is None else normalise(inverse_depth)
+    return np.asarray(gram_matrices(used, x, y, q, forward[0], forward[1], count))
+
+
+def mean_flow(gram: Floats) -> Floats:
+    """(S, 2) x, y px: mean flow of the objects with the Grams (S, 11, 11); NaN of those with too few pixels."""
+    pixels = pixels_of(gram)[:, None]
+    seen = pixels >= LEAST
+    return np.where(seen, gram[:, 0, U : V + 1] / np.where(seen, pixels, 1.0), np.nan)
 
 
 def slots(label: NDArray[np.integer[Any]], ids: NDArray[np.int64]) -> Slots:
@@ -85,14 +91,6 @@ def slots(label: NDArray[np.integer[Any]], ids: NDArray[np.int64]) -> Slots:
     table = np.full(max(int(label.max(initial=0)), int(ids[-1])) + 1, UNUSED, np.int32)
     table[ids] = np.arange(len(ids))
     return np.asarray(table[label])
-
-
-def cell_grid(shape: tuple[int, ...], rows: int, columns: int) -> Slots:
-    """(h, w) number of the cell of a rows x columns grid that a pixel lies in."""
-    height, width = shape
-    row = np.arange(height) * rows // height
-    column = np.arange(width) * columns // width
-    return (row[:, None] * columns + column).astype(np.int32)
 
 
 def without_borders(slot: Slots, radius: int) -> NDArray[np.bool_]:

@@ -18,7 +18,34 @@ GONE: dict[str, str] = {
     "objects.top_least": "is the constant top_least = 1.0 of zsmoseg.proposals.embedded.full_motion.FullMotion now",
     "objects.trust_least": "is the constant trust_least = 0.05 of zsmoseg.proposals.embedded.visibility.Trust now",
     "tables.link_least": "is the constant link_least = 2 of zsmoseg.proposals.embedded.extraction.Links now",
+    "affinity.factor": "went with the kernel inlier; affinity.pair is what two objects may cost more than alone",
+    "groups.below_strongest": "is no setting any more: the strongest always costs more than what is tolerated",
+    "groups.certain": "is affinity.most now, of mean squares",
+    "groups.clear": "is no setting any more: affinity.floor is what is never motion",
+    "groups.clear_cells": "is no setting any more: nothing is measured against cells of the background",
+    "groups.coherent": "is no setting any more: what an object's own motion leaves is in affinity.most",
+    "groups.coherent_part": "is no setting any more: what an object's own motion leaves is in affinity.most",
+    "groups.exist": "is no setting any more: affinity.floor is what is never motion",
+    "groups.floor": "is affinity.floor now",
     "groups.frames": "is groups.least_pairs now",
-    "groups.keep": "is groups.below_strongest now",
+    "groups.keep": "is no setting any more: the strongest always costs more than what is tolerated",
+    "groups.noise_area": "is affinity.noise_area now",
+    "groups.quantile": "is no setting any more: nothing is measured against cells of the background",
+    "groups.rounds": "is affinity.rounds now",
+    "groups.same": "is affinity.floor now",
+    "groups.same_own": "is affinity.pair now, of mean squares",
+    "groups.significant": "is no setting any more: the strongest of a pair is the one that costs the world most in all",
+    "groups.small": "is no setting any more: what an object may cost does not depend on its size",
+    "groups.small_fraction": "is no setting any more: what an object may cost does not depend on its size",
+    "groups.top_fraction": "is affinity.most now, in which the strongest of the pair counts",
+    "groups.visible": "is affinity.visible now",
+    "statistics.cells_x": "is no setting any more: nothing is measured against cells of the background",
+    "statistics.cells_y": "is no setting any more: nothing is measured against cells of the background",
 }
 """Whoever renames or removes a setting adds a line here; ``resolve`` answers with it."""
+
+GONE_VALUES: dict[tuple[str, str], str] = {
+    ("affinity.kernel", "inlier"): "is merge now",
+    ("groups.rule", "calibrated"): "is linkage now",
+}
+"""The same for values of settings that stay."""

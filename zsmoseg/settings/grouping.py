@@ -22,8 +22,13 @@ class Statistics(Section):
         gt=0,
     )
     closure_part: float = setting(0.05, "... plus this part of the flow's length", ge=0)
-    cells_y: int = setting(5, "rows of the grid of background cells", ge=1, le=32)
-    cells_x: int = setting(8, "columns of the grid of background cells", ge=1, le=32)
+    noise_lag: int = setting(
+        12,
+        "distance over which the error of the flow is taken as independent, to measure it",
+        "px",
+        ge=1,
+        le=64,
+    )
 
 
 class Motion(Section):
@@ -59,7 +64,7 @@ class Trajectories(Section):
 
 
 class Affinity(Section):
-    """Similarity of objects from the residuals of all pairs."""
+    """Similarity of objects from the residuals of all pairs. Costs: root mean square, px of the working grid."""
 
     cues: Literal["flow", "epipolar", "both"] = setting(
         "flow",
@@ -79,14 +84,26 @@ class Affinity(Section):
         ge=1,
         le=64,
     )
-    kernel: Literal["inlier", "ordered", "ordered-weighted"] = setting(
-        "inlier",
-        "inlier: residuals below a factor; ordered: the paper's truncated ranks; or all lengths, 1 / t",
+    kernel: Literal["merge", "ordered", "ordered-weighted"] = setting(
+        "merge",
+        "merge: what one motion for two costs; ordered: the paper's truncated ranks; or all lengths, 1 / t",
     )
-    factor: float = setting(
-        1.4, "residual over own residual up to which a model fits", "", ("kernel", "inlier"), gt=0
+    floor: float = setting(0.12, "cost that is never motion: precision of the flow", "px", gt=0)
+    most: float = setting(
+        15.0,
+        "what costs the world more than this many times the mean square that the own motions leave moves for sure",
+        gt=0,
     )
-    floor: float = setting(0.15, "residual that is noise", "px", ("kernel", "inlier"), ge=0)
+    pair: float = setting(
+        0.3, "two objects move as one up to this part of the mean squares that their own motions leave", ge=0
+    )
+    noise_area: float = setting(240.0, "area over which what a motion leaves is correlated", "px^2", ge=0)
+    rounds: int = setting(3, "passes; from the second on what is static belongs to the world", ge=1, le=10)
+    visible: float = setting(
+        1.5,
+        "image error of the static world's motion over that of the flow below which nothing visibly moves",
+        ge=0,
+    )
     share: float = setting(
         0.5, "part of the objects that each chooses (t / N)", "", ("kernel", "ordered"), gt=0, le=1
     )
@@ -102,60 +119,29 @@ class Affinity(Section):
 
 
 class Groups(Section):
-    """Which objects move together, and which do not move. Excess: root mean square, px of the working grid."""
+    """Which objects move together, and which do not move."""
 
-    rule: Literal["calibrated", "spectral", "keep"] = setting(
-        "calibrated",
-        "calibrated: evidence against the background's own cells; spectral: cluster the affinity; "
-        "keep: all proposals move, each by itself",
+    rule: Literal["linkage", "spectral", "keep"] = setting(
+        "linkage",
+        "linkage: what agrees with the world is static, the rest by average linkage; spectral: clusters of the "
+        "affinity; keep: all proposals move, each by itself",
     )
     count: Literal["auto"] | Annotated[int, Field(ge=1)] = setting(
         "auto", "number of groups, the static one included, or auto"
     )
     equal: bool = setting(False, "objects count alike, whatever their size", "", ("rule", "spectral"))
     most_groups: int = setting(5, "most groups that auto tries", "", ("rule", "spectral"), ge=1, le=64)
-    floor: float = setting(0.075, "excess below it is never motion: precision of the flow", "px", gt=0)
-    quantile: float = setting(0.8, "quantile of the cells' excess that is the yardstick", ge=0, le=1)
-    significant: float = setting(
-        0.1, "the strongest is sought among objects of this part of the largest", ge=0, le=1
+    share: float = setting(
+        0.02, "pixels of the largest mover that make a group of its own", "", ("rule", "linkage"), ge=0, le=1
     )
-    exist: float = setting(1.0, "something moves if the strongest exceeds this many largest cells", gt=0)
-    clear: float = setting(0.5, "excess of proposals that are never all dropped ...", "px", ge=0)
-    clear_cells: float = setting(0.35, "... if they also reach this many largest cells", ge=0)
-    top_fraction: float = setting(
-        0.55, "an object below this part of the strongest does not move ...", ge=0, le=1
-    )
-    small: float = setting(
-        0.25, "an object with less than this part of the strongest's pixels, as leaks have, ...", ge=0, le=1
-    )
-    small_fraction: float = setting(
-        0.7, "... does not move below this part of the strongest, unless it is certain", ge=0, le=1
-    )
-    certain: float = setting(
-        10.0, "... unless its excess is this many yardsticks and above the largest cell", gt=0
-    )
-    coherent: float = setting(
-        1.5, "excess over what an object's own motion leaves, below which it is no evidence ...", ge=0
-    )
-    coherent_part: float = setting(
-        0.5, "... but no more than this part of what the strongest has", ge=0, le=1
-    )
-    below_strongest: float = setting(0.9, "the threshold stays below this part of the strongest", gt=0, le=1)
-    visible: float = setting(
-        1.5,
-        "image error of the static world's motion over that of the flow below which nothing visibly moves",
-        ge=0,
-    )
-    rounds: int = setting(2, "passes; from the second on static objects belong to the world", ge=1, le=10)
-    noise_area: float = setting(150.0, "area over which the error of the flow is correlated", "px^2", ge=0)
-    same: float = setting(
-        0.05, "two movers move together if one motion for both costs less than this ...", "px", gt=0
-    )
-    same_own: float = setting(0.65, "... plus this part of their own residual: limbs are not rigid", ge=0)
-    share: float = setting(0.02, "pixels of the largest mover that make a group of its own", ge=0, le=1)
-    least_pairs: int = setting(2, "fewer pairs than this prove nothing", "pairs", ge=1)
+    least_pairs: int = setting(2, "fewer pairs than this prove nothing", "pairs", ("rule", "linkage"), ge=1)
     weak: float = setting(
-        0.5, "part of the threshold above which a hidden instance may come back", ge=0, le=1
+        0.5,
+        "odds against the world above which a hidden instance may come back",
+        "",
+        ("rule", "linkage"),
+        ge=0,
+        le=1,
     )
     reach: float = setting(1.0, "near: boxes closer than this many sizes of the larger object", ge=0)
     gap: int = setting(12, "frames that an instance may be out of sight", "frames", ge=1)
@@ -164,5 +150,5 @@ class Groups(Section):
         0.5, "part of its life up to which an object may be seen beside its successor", ge=0, le=1
     )
     state_window: int = setting(5, "pairs of the median of the motion state", "pairs", ge=1)
-    state_low: float = setting(0.7, "thresholds below which a mover rests", gt=0)
-    state_high: float = setting(1.3, "thresholds above which it moves again", gt=0)
+    state_low: float = setting(0.7, "part of the odds that it is held to, below which a mover rests", gt=0)
+    state_high: float = setting(1.3, "times these, above which it moves again", gt=0)

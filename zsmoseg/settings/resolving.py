@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from zsmoseg.errors import SettingsError
-from zsmoseg.settings.gone import GONE
+from zsmoseg.settings.gone import GONE, GONE_VALUES
 from zsmoseg.settings.tree import Settings, defaults
 from zsmoseg.settings.words import problems_of, unknown
 
@@ -50,7 +50,9 @@ def resolve(
     tree: dict[str, dict[str, Any]] = {}
     known = defaults()
     for name, value in flat.items():
-        if name in known:
+        if (name, str(value)) in GONE_VALUES:
+            problems.append(f"{name}={value} {GONE_VALUES[name, str(value)]}")
+        elif name in known:
             section, field = name.split(".", 1)
             tree.setdefault(section, {})[field] = value
         else:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.motion.grams import gram_matrices
-from zsmoseg.motion.models import MODELS, Floats, coordinates, normalise
-from zsmoseg.motion.residuals import LEAST, merge_costs
+from zsmoseg.motion.models import LEAST, MODELS, Floats, coordinates, normalise
+from zsmoseg.motion.residuals import merge_costs
 
 FASTEST = 60.0
 """px a frame that no flow scene exceeds."""

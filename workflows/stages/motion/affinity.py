@@ -1,25 +1,28 @@
-"""Stage ``affinity``: the residuals of all pairs of a shot as one similarity of its objects."""
+"""Stage ``affinity``: the residuals of all pairs of a shot as one similarity of its objects, and who is static."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.grouping.affinity import Kernel, accumulate, normalised
-from zsmoseg.grouping.fusion import fused
+from zsmoseg.grouping.affinity import Kernel, Views, shot_affinity
+from zsmoseg.grouping.world import Pair
+from zsmoseg.motion.models import MODELS, Floats
+from zsmoseg.motion.residuals import PairResiduals
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach
 from zsmoseg.workflows.stages.front_end import Objects, Shot, local_ids, shots_of
 from zsmoseg.workflows.stages.motion.epipolar import Epipolar, each_view_pair
 from zsmoseg.workflows.stages.motion.residuals import Residuals
+from zsmoseg.workflows.stages.motion.statistics import Statistics
 
-Floats = NDArray[np.float64]
-Pairs = Iterator[tuple[NDArray[np.int64], Floats, Floats]]
+UNCHANGED = 1e-9
+"""Change of the image (grey levels^2 px) that counts as none: a divisor above 0."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +30,19 @@ class Affinity(Arrays):
     """The similarity of the objects of a shot; a block is a shot. Objects of different shots have none."""
 
     object: NDArray[np.int64] = table("object", dtype="int64", meaning="object")
+    affinity: Floats = table(
+        "object",
+        "other",
+        dtype="float64",
+        meaning="similarity of two objects, 0 to 1; of the background: of the static world",
+    )
     agreement: Floats = table(
-        "cue", "object", "other", dtype="float64", meaning="kernel, summed over pairs of frames", add=True
+        "cue",
+        "object",
+        "other",
+        dtype="float64",
+        meaning="kernel, summed over pairs of frames with its weight",
+        add=True,
     )
     together: Floats = table(
         "cue",
@@ -38,13 +52,38 @@ class Affinity(Arrays):
         meaning="its weight: how much the two are seen together",
         add=True,
     )
-    affinity: Floats = table("object", "other", dtype="float64", meaning="similarity of two objects, 0 to 1")
+    pairs: NDArray[np.int64] = table(
+        "object", "other", dtype="int64", meaning="pairs of frames in which both are seen", add=True
+    )
+    static: NDArray[np.bool_] = table(
+        "object", dtype="bool", meaning="whether it belongs to the static world"
+    )
+    visibility: Floats = table(
+        "object",
+        dtype="float64",
+        meaning="what the world's motion leaves of its image, over what its flow leaves",
+    )
+    excess: Floats = table(
+        "pair", "object", dtype="float64", meaning="what one motion for it and the world costs", unit="px"
+    )
+    tolerance: Floats = table(
+        "pair", "object", dtype="float64", meaning="what of that is tolerated", unit="px"
+    )
+    weight: Floats = table(
+        "pair",
+        "object",
+        dtype="float64",
+        meaning="what it counts against the world: root of the pixels that count, 0 = for nothing",
+        unit="px",
+        fill=0,
+    )
 
 
 @dataclass(frozen=True)
 class Inputs:
     """What is read."""
 
+    statistics: Statistics = reach(ALL)
     residuals: Residuals = reach(ALL)
     objects: Objects = reach(ALL)
 
@@ -60,6 +99,7 @@ class InputsWithEpipolar(Inputs):
 class Sections:
     """The settings that are read."""
 
+    motion: settings.Motion
     affinity: settings.Affinity
 
 
@@ -70,40 +110,70 @@ def cues(s: Sections) -> Mapping[str, Sequence[str]]:
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Affinity]:
     """The affinity of every shot."""
-    a, kernel = s.affinity, s.affinity.parameters(Kernel)
+    model, kernel = MODELS[s.motion.model], s.affinity.parameters(Kernel)
     for shot in shots_of(inputs.objects):
-        views = [accumulate(pairs, len(shot.objects), kernel) for pairs in _pairs(inputs, shot, s)]
-        affinities = [normalised(*view) for view in views]
-        columns = a.columns if a.fusion == "coregularised" else None
+        size = shot.stop - shot.start - 1, len(shot.objects)
+        visibility = read_visibility(inputs.statistics, shot)
+        found = shot_affinity(_pairs(inputs, shot), size, model, kernel, visibility, _views(inputs, shot))
         yield Affinity(
             start=shot.start,
             stop=shot.stop,
             object=shot.objects,
-            agreement=np.stack([agreement for agreement, _ in views]),
-            together=np.stack([together for _, together in views]),
-            affinity=affinities[0] if len(views) == 1 else fused(affinities, columns),
+            affinity=found.affinity,
+            agreement=found.agreement,
+            together=found.together,
+            pairs=found.pairs,
+            static=found.static,
+            visibility=visibility,
+            excess=found.excess,
+            tolerance=found.tolerance,
+            weight=found.weight,
         )
 
 
-def _pairs(inputs: Inputs, shot: Shot, s: Sections) -> Iterator[Pairs]:
-    """The residuals of each cue that is wanted."""
-    if s.affinity.cues != "epipolar":
-        yield each_residual(inputs.residuals, shot)
-    if isinstance(inputs, InputsWithEpipolar) and s.affinity.cues != "flow":
-        yield each_view_pair(inputs.epipolar, shot)
+def _pairs(inputs: Inputs, shot: Shot) -> Callable[[], Iterator[Pair]]:
+    def pairs() -> Iterator[Pair]:
+        return each_pair(inputs.statistics, inputs.residuals, shot)
+
+    return pairs
 
 
-def each_residual(residuals: Residuals, shot: Shot) -> Pairs:
-    """Local ids, residuals and pixels of the valid pairs of a shot, in order."""
-    for block in residuals.of(shot.start, shot.stop).blocks():
+def _views(inputs: Inputs, shot: Shot) -> Views:
+    return each_view_pair(inputs.epipolar, shot) if isinstance(inputs, InputsWithEpipolar) else ()
+
+
+def each_pair(statistics: Statistics, residuals: Residuals, shot: Shot) -> Iterator[Pair]:
+    """The valid pairs of a shot, numbered from its start, with local ids."""
+    sums, left = (x.of(shot.start, shot.stop).blocks() for x in (statistics, residuals))
+    for measured, block in zip(sums, left, strict=True):
         keep, ids = local_ids(block.object, shot)
         for k in np.flatnonzero(block.valid):
             if shot.start <= block.start + k < shot.stop - 1:
-                yield ids, block.residual[k][np.ix_(keep, keep)], block.pixels[k][keep]
+                at = np.ix_(keep, keep)
+                found = PairResiduals(
+                    block.pixels[k][keep],
+                    block.own[k][keep],
+                    block.merge[k][at],
+                    block.residual[k][at],
+                    block.coefficient[k][keep],
+                )
+                number = int(block.start + k) - shot.start
+                yield Pair(number, ids, measured.gram[k][keep], float(measured.noise[k]), found)
 
 
-STAGE = Stage("affinity", 3, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(0.1, 0.1))
+def read_visibility(statistics: Statistics, shot: Shot) -> Floats:
+    """(objects of the shot,) what the world's motion leaves unexplained over what the flow does."""
+    total = np.zeros((len(shot.objects), 2))
+    for block in statistics.of(shot.start, shot.stop).blocks():
+        keep, ids = local_ids(block.object, shot)
+        for k, values in enumerate(block.unexplained):
+            if shot.start <= block.start + k < shot.stop - 1:
+                total[ids] += values[keep]
+    return np.asarray(total[:, 0] / np.maximum(total[:, 1], UNCHANGED))
+
+
+STAGE = Stage("affinity", 4, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1))
 WITH_EPIPOLAR = Stage(
-    "affinity", 3, task, InputsWithEpipolar, Sections, Affinity, "video", labels=cues, cost=(0.1, 0.1)
+    "affinity", 4, task, InputsWithEpipolar, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1)
 )
 """The same where ``affinity.cues`` asks for more than flow."""

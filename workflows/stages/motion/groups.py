@@ -1,17 +1,22 @@
-"""Stage ``groups``: what moves, with what, and when: shot by shot."""
+"""Stage ``groups``: what moves, with what, and when: shot by shot.
+
+It reads the affinity and what lies beside it, and of the statistics the places of the objects.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.grouping.evidence import PairGrams
+from zsmoseg.grouping.affinity import ShotAffinity
 from zsmoseg.grouping.groups import Grouping, ShotGroups, group_shot
+from zsmoseg.grouping.instances import end_velocities
 from zsmoseg.grouping.pieces import Pieces
+from zsmoseg.motion.models import Floats
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
@@ -19,15 +24,12 @@ from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, local_ids,
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.statistics import Statistics
 
-Floats = NDArray[np.float64]
 Ids = NDArray[np.int64]
-UNCHANGED = 1e-9
-"""Change of the image (grey levels^2 px) that counts as none: a divisor above 0."""
 
 
 @dataclass(frozen=True)
 class Groups(Arrays):
-    """The answer, and the evidence for it; a block is a shot."""
+    """The answer; a block is a shot."""
 
     object: Ids = table("object", dtype="int64", meaning="object")
     group: Ids = table("object", dtype="int64", meaning="motion group, 0 = static")
@@ -38,27 +40,29 @@ class Groups(Arrays):
     area: Ids = table(
         "object", dtype="int64", meaning="pixels as displayed, all frames", unit="px^2", add=True
     )
-    score: Floats = table("object", dtype="float64", meaning="mean excess over the static world", unit="px")
-    threshold: Floats = table("object", dtype="float64", meaning="score from which it moves", unit="px")
-    visibility: Floats = table(
+    excess: Floats = table(
         "object",
         dtype="float64",
-        meaning="what the world's motion leaves of its image, over what its flow leaves",
+        meaning="what one motion for it and the static world costs, mean over the pairs",
+        unit="px",
     )
+    tolerance: Floats = table("object", dtype="float64", meaning="what of that is tolerated", unit="px")
     moving: NDArray[np.bool_] = table(
         "frame", "object", dtype="bool", meaning="whether it moves at the frame"
     )
-    margin: NDArray[np.float32] = table("frame", "object", dtype="float32", meaning="ln(excess / threshold)")
+    margin: NDArray[np.float32] = table(
+        "frame",
+        "object",
+        dtype="float32",
+        meaning="ln of the odds against the static world: what it costs it, over what is tolerated",
+    )
     shot: Ids = table("shot", dtype="int64", meaning="shot")
-    yardstick: Floats = table(
-        "shot", dtype="float64", meaning="what most of the background stays below", unit="px"
-    )
-    largest_cell: Floats = table(
-        "shot", dtype="float64", meaning="largest excess of the background", unit="px"
-    )
-    cell_excess: Floats = table(
-        "shot", "cell", dtype="float64", meaning="excess of cells of the background", unit="px"
-    )
+
+    @property
+    def world(self) -> Floats:
+        """(object,) affinity with the static world: one half = at the tolerance; NaN = unknown."""
+        return self.tolerance / (self.tolerance + self.excess)
+
     eigenvalue: Floats = table(
         "shot", "rank", dtype="float64", meaning="of the normalised affinity, the largest first"
     )
@@ -79,7 +83,6 @@ class Sections:
     """The settings that are read."""
 
     frames: settings.Frames
-    motion: settings.Motion
     groups: settings.Groups
 
 
@@ -87,35 +90,19 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Groups]:
     """One shot after the other; groups and instances go on counting from shot to shot."""
     warnings: list[str] = []
     part.facts["warnings"] = warnings
-    found = shots_of(inputs.objects)
-    groups = instances = 0
-    for shot in found:
-        visibility = read_visibility(inputs.statistics, shot)
-        answer = _group(part, inputs, shot, visibility, s)
-        where = "" if len(found) == 1 else f"frames {shot.start} to {shot.stop - 1}: "
+    shots, grid = shots_of(inputs.objects), working_size(part.probe, s.frames.width)
+    grouping, groups, instances = s.groups.parameters(Grouping), 0, 0
+    for shot in shots:
+        pieces, velocity = read_pieces(inputs.statistics, shot)
+        answer = group_shot(read_affinity(inputs.affinity, shot), pieces, velocity, grid, grouping)
+        where = "" if len(shots) == 1 else f"frames {shot.start} to {shot.stop - 1}: "
         warnings += [f"{where}{text}" for text in answer.warnings]
-        yield _left(inputs.labels, shot, answer, visibility, (groups, instances))
+        yield _left(inputs.labels, shot, answer, (groups, instances))
         groups, instances = groups + int(answer.group.max()), instances + int(answer.instance.max())
 
 
-def _group(part: Part, inputs: Inputs, shot: Shot, visibility: Floats, s: Sections) -> ShotGroups:
-    def pairs() -> Iterator[PairGrams]:
-        return each_pair(inputs.statistics, shot)
-
-    (affinity,) = inputs.affinity.of(shot.start, shot.stop).blocks()
-    grid = working_size(part.probe, s.frames.width)
-    pieces = read_pieces(inputs.statistics, shot)
-    return group_shot(
-        pairs, pieces, affinity.affinity, grid, s.motion.model, s.groups.parameters(Grouping), visibility
-    )
-
-
-def _left(
-    labels: Labels, shot: Shot, answer: ShotGroups, visibility: Floats, before: tuple[int, int]
-) -> Groups:
+def _left(labels: Labels, shot: Shot, answer: ShotGroups, before: tuple[int, int]) -> Groups:
     """What is kept of a shot; ``before`` are the largest group and instance of the shots before it."""
-    d = answer.decision
-    unreached = max(d.largest, float(d.score.max(initial=0.0)))
     frames, area = _displayed(labels, shot)
     return Groups(
         start=shot.start,
@@ -125,15 +112,11 @@ def _left(
         instance=np.where(answer.instance > 0, answer.instance + before[1], 0),
         frames=frames,
         area=area,
-        score=d.score,
-        threshold=np.where(np.isfinite(d.threshold), d.threshold, unreached),
-        visibility=visibility,
+        excess=answer.excess,
+        tolerance=answer.tolerance,
         moving=answer.moving,
         margin=answer.margin,
         shot=np.array([shot.number], np.int64),
-        yardstick=np.array([d.yardstick]),
-        largest_cell=np.array([d.largest]),
-        cell_excess=np.asarray(d.evidence.cells)[None],
         eigenvalue=answer.eigenvalues[None],
     )
 
@@ -150,32 +133,18 @@ def _displayed(labels: Labels, shot: Shot) -> tuple[Ids, Ids]:
     return frames, area
 
 
-def each_pair(statistics: Statistics, shot: Shot) -> Iterator[PairGrams]:
-    """The valid pairs of a shot, numbered from its start, with local ids."""
-    for block in statistics.of(shot.start, shot.stop).blocks():
-        keep, ids = local_ids(block.object, shot)
-        for k in np.flatnonzero(block.valid):
-            if shot.start <= block.start + k < shot.stop - 1:
-                pair = int(block.start + k) - shot.start
-                yield PairGrams(pair, ids, block.gram[k][keep], block.cells[k])
+def read_affinity(affinity: Affinity, shot: Shot) -> ShotAffinity:
+    """The affinity of a shot and what lies beside it."""
+    (block,) = affinity.of(shot.start, shot.stop).blocks()
+    return ShotAffinity(**{f.name: getattr(block, f.name) for f in fields(ShotAffinity)})
 
 
-def read_visibility(statistics: Statistics, shot: Shot) -> Floats:
-    """(objects of the shot,) what the world's motion leaves unexplained over what the flow does."""
-    total = np.zeros((len(shot.objects), 2))
-    for block in statistics.of(shot.start, shot.stop).blocks():
-        keep, ids = local_ids(block.object, shot)
-        for k, values in enumerate(block.unexplained):
-            if shot.start <= block.start + k < shot.stop - 1:
-                total[ids] += values[keep]
-    return np.asarray(total[:, 0] / np.maximum(total[:, 1], UNCHANGED))
-
-
-def read_pieces(statistics: Statistics, shot: Shot) -> Pieces:
-    """Place and colour of the objects of a shot."""
+def read_pieces(statistics: Statistics, shot: Shot) -> tuple[Pieces, Floats]:
+    """Place and colour of the objects of a shot, and their velocities (2, N, 2) px a frame at their ends."""
     frames, count = shot.stop - shot.start, len(shot.objects)
     area = np.zeros((frames, count), np.int32)
     box = np.full((frames, count, 4), np.nan, np.float32)
+    velocity = np.full((frames - 1, count, 2), np.nan)
     colour: Ids | None = None
     for block in statistics.of(shot.start, shot.stop).blocks():
         keep, ids = local_ids(block.object, shot)
@@ -183,11 +152,13 @@ def read_pieces(statistics: Statistics, shot: Shot) -> Pieces:
         rows = slice(first - block.start, last - block.start)
         area[first - shot.start : last - shot.start, ids] = block.area[rows][:, keep]
         box[first - shot.start : last - shot.start, ids] = block.box[rows][:, keep]
+        pairs = slice(first - block.start, min(last, shot.stop - 1) - block.start)
+        velocity[first - shot.start :][: pairs.stop - pairs.start, ids] = block.velocity[pairs][:, keep]
         if colour is None:
             colour = np.zeros((count, block.colour.shape[1]), np.int64)
         colour[ids] += block.colour[keep]
     assert colour is not None
-    return Pieces(area, box, colour)
+    return Pieces(area, box, colour), end_velocities(velocity)
 
 
 def moving_objects(groups: Groups, start: int, stop: int) -> NDArray[np.bool_]:
@@ -198,4 +169,4 @@ def moving_objects(groups: Groups, start: int, stop: int) -> NDArray[np.bool_]:
     return out
 
 
-STAGE = Stage("groups", 4, task, Inputs, Sections, Groups, "video", cost=(1.1, 0.1))
+STAGE = Stage("groups", 5, task, Inputs, Sections, Groups, "video", cost=(0.5, 0.1))

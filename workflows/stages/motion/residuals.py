@@ -1,4 +1,4 @@
-"""Stage ``residuals``: how well the model of each object explains each other, pair by pair."""
+"""Stage ``residuals``: how well the motion of each object explains each other, and what one for two costs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from zsmoseg import settings
 from zsmoseg.motion.models import MODELS
-from zsmoseg.motion.residuals import pair_residuals
+from zsmoseg.motion.residuals import residuals_of_pairs
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import Part, Stage, reach
@@ -21,10 +21,24 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Residuals(Arrays):
-    """The residual tensor of the paper, over the objects of a chunk."""
+    """What the motions of a chunk's objects leave on their own pixels, on each other's, and together."""
 
     object: NDArray[np.int64] = table("object", dtype="int64", meaning="object")
     valid: NDArray[np.bool_] = table("pair", dtype="bool", meaning="whether the two frames are a pair")
+    pixels: Floats = table(
+        "pair", "object", dtype="float64", meaning="pixels that count", unit="px^2", fill=0
+    )
+    own: Floats = table(
+        "pair", "object", dtype="float64", meaning="mean square that its own motion leaves", unit="px^2"
+    )
+    merge: Floats = table(
+        "pair",
+        "object",
+        "other",
+        dtype="float64",
+        meaning="what one motion for two costs over two motions, a pixel of the smaller",
+        unit="px^2",
+    )
     residual: Floats = table(
         "pair",
         "model",
@@ -32,9 +46,6 @@ class Residuals(Arrays):
         dtype="float64",
         meaning="mean squared residual of the model of one object on the pixels of another",
         unit="px^2",
-    )
-    pixels: Floats = table(
-        "pair", "object", dtype="float64", meaning="pixels that count", unit="px^2", fill=0
     )
     coefficient: Floats = table(
         "pair", "object", "term", dtype="float64", meaning="parameters of the motion model"
@@ -65,20 +76,18 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Residuals]:
     model = MODELS[s.motion.model]
     for block in inputs.statistics.blocks():
         inside = slice(max(part.start - block.start, 0), part.stop - block.start)
-        grams, count = block.gram[inside], len(block.object)
-        residual = np.zeros((len(grams), count, count))
-        pixels, coefficient = np.zeros((len(grams), count)), np.zeros((len(grams), count, model.parameters))
-        for m, gram in enumerate(grams):
-            residual[m], pixels[m], coefficient[m] = pair_residuals(gram, model)
+        found = residuals_of_pairs(block.gram[inside], model)
         yield Residuals(
             start=max(part.start, block.start),
             stop=min(part.stop, block.stop),
             object=block.object,
             valid=block.valid[inside],
-            residual=residual,
-            pixels=pixels,
-            coefficient=coefficient,
+            pixels=found.pixels,
+            own=found.own,
+            merge=found.merge,
+            residual=found.residual,
+            coefficient=found.coefficient,
         )
 
 
-STAGE = Stage("residuals", 2, task, Inputs, Sections, Residuals, labels=terms, cost=(0.3, 0.3))
+STAGE = Stage("residuals", 3, task, Inputs, Sections, Residuals, labels=terms, cost=(0.3, 0.3))

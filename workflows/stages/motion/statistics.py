@@ -14,7 +14,7 @@ from zsmoseg.grouping.pieces import measure_pieces
 from zsmoseg.motion.measuring import measure_pair
 from zsmoseg.motion.models import MONOMIALS, SIZE
 from zsmoseg.motion.photometric import grey
-from zsmoseg.motion.statistics import Sums
+from zsmoseg.motion.statistics import Sums, mean_flow
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import Part, Stage, ignored, reach, working_size
@@ -43,8 +43,11 @@ class Statistics(Arrays):
     gram: Floats = table(
         "pair", "object", *GRAM, dtype="float64", meaning="sums of products of monomials and flow", fill=0
     )
-    cells: Floats = table(
-        "pair", "cell", *GRAM, dtype="float64", meaning="the same of cells of the background", fill=0
+    noise: Floats = table(
+        "pair", dtype="float64", meaning="variance of the flow's error on the background", unit="px^2", fill=0
+    )
+    velocity: NDArray[np.float32] = table(
+        "pair", "object", "component", dtype="float32", meaning="mean flow, x then y", unit="px"
     )
     unexplained: Floats = table(
         "pair",
@@ -92,14 +95,15 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Statistics]:
     ids = np.union1d([0], np.flatnonzero(np.bincount(labels.ravel()))).astype(np.int64)
     sums, pairs, valid = s.statistics.parameters(Sums), part.last_pair - part.start, inputs.flow.valid
     gram = np.zeros((pairs, len(ids), SIZE, SIZE))
-    cells = np.zeros((pairs, sums.cells_y * sums.cells_x, SIZE, SIZE))
+    noise, velocity = np.zeros(pairs), np.full((pairs, len(ids), 2), np.nan, np.float32)
     unexplained = np.zeros((pairs, len(ids), 2))
     forward, backward, depth = inputs.flow.forward, inputs.flow.backward, inputs.depth.inverse_depth
     looks = [grey(image) for image in images]
     for m in np.flatnonzero(valid):
         known, both = None if depth is None else depth[m], (looks[m], looks[m + 1])
         found = measure_pair(labels[m], ids, forward[m], backward[m], known, both, mask, sums)
-        gram[m], cells[m], unexplained[m] = found.gram, found.cells, found.unexplained
+        gram[m], noise[m], unexplained[m] = found.gram, found.noise, found.unexplained
+        velocity[m] = mean_flow(found.gram)
     pieces = measure_pieces(labels, images[: part.stop - part.start], ids)
     yield Statistics(
         start=part.start,
@@ -107,7 +111,8 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Statistics]:
         object=ids,
         valid=valid,
         gram=gram,
-        cells=cells,
+        noise=noise,
+        velocity=velocity,
         unexplained=unexplained,
         area=pieces.area,
         box=pieces.box,
@@ -115,4 +120,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Statistics]:
     )
 
 
-STAGE = Stage("statistics", 5, task, Inputs, Sections, Statistics, cost=(3.9, 18.0))
+STAGE = Stage("statistics", 6, task, Inputs, Sections, Statistics, cost=(3.9, 18.0))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zsmoseg.grouping.clustering import Labels
-from zsmoseg.grouping.decision import Count
+from zsmoseg.grouping.clustering import Count, Labels
 from zsmoseg.motion.models import Floats
 
 

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.grouping.clustering import Labels, agreement, spectral
-from zsmoseg.grouping.decision import Count
+from zsmoseg.grouping.affinity import completed
+from zsmoseg.grouping.clustering import Count, Labels, agreement, spectral
 from zsmoseg.motion.models import Floats
 
-TINY = 1e-12
-"""Instead of 0 as divisor."""
 DIGITS = 9
 """Of the agreement that count: two numbers of groups that agree as well, but for rounding, are equal."""
 
@@ -37,7 +35,7 @@ def spectral_groups(affinity: Floats, area: Floats, count: Count, cut: Spectral)
 
     Parameters
     ----------
-    affinity : (N, N).
+    affinity : (N, N); NaN = unknown.
     area : (N,) pixels of every object, the background first.
     """
     ids, block = _seen(affinity, area)
@@ -59,7 +57,6 @@ def eigenvalues(affinity: Floats, area: Floats) -> Floats:
 
 
 def _seen(affinity: Floats, area: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """The background and the objects that are seen, and their affinity, at most 1."""
+    """The background and the objects that are seen, and their affinity; what is unknown is inferred."""
     ids = np.flatnonzero((area > 0) | (np.arange(len(area)) == 0))
-    block = affinity[np.ix_(ids, ids)]
-    return ids, block / max(float(block.max()), TINY)
+    return ids, completed(affinity[np.ix_(ids, ids)])
