@@ -194,7 +194,7 @@ def test_residuals_make_an_affinity_that_parts_movers_from_the_scene_alone_and_f
     pairs = ((p.ids, p.residual, p.points) for p in epipolar_residuals(tracks, label, GAPS))
     kernel = resolve().affinity.parameters(Kernel)
     view = normalised(*accumulate(of_views(pairs, kernel), 5)[:2], kernel.kernel)
-    for affinity in (view, fused([view, view]), fused([view, view], 2)):
+    for affinity in (view, fused([view, view], sparse=False), fused([view, view], 2)):
         same = np.array([0, 0, 0, 1, 1])
         within = affinity[same[:, None] == same]
         across = affinity[same[:, None] != same]

@@ -72,24 +72,13 @@ def other_values(name: str, tmp_path: Path) -> list[Any]:
     return [v for v in dict.fromkeys(tried) if low <= v <= high and above < v < below and v != default]
 
 
-STRICT = {"groups.certain": 1000.0, "groups.top_fraction": 1.0}
 DEMANDING = {"objects.clean_from": 0.0, "objects.clean_full": 0.1, "objects.unclean_from": 0.0}
 SETUP: dict[str, dict[str, Any]] = {
-    "groups.exist": {"groups.clear": 1000.0},
-    "groups.clear": {"groups.exist": 1000.0},
-    "groups.clear_cells": {"groups.exist": 1000.0},
-    "groups.top_fraction": {"groups.certain": 1000.0},
-    "groups.rounds": STRICT,
-    "groups.weak": {**STRICT, "video.start": "4f", "groups.significant": 0.0, "groups.reach": 100.0},
-    "groups.overlap": {**STRICT, "video.start": "4f", "groups.significant": 0.0, "groups.reach": 100.0},
-    "groups.share": {"groups.same": 0.001, "groups.same_own": 0.0, "groups.reach": 0.0},
-    "groups.significant": {**STRICT, "video.start": "4f"},
-    "groups.small": {"groups.small_fraction": 1.0, "groups.certain": 1000.0, "groups.top_fraction": 0.3},
-    "groups.coherent_part": {"groups.coherent": 1000.0},
-    "groups.colour": {"groups.coherent": 1000.0},
-    "groups.gap": {"groups.least_pairs": 8, "groups.top_fraction": 0.3},
-    "groups.equal": {"affinity.factor": 4.0},
-    "groups.same": {"groups.same_own": 0.0},
+    "affinity.rounds": {"affinity.most": 200.0},
+    "groups.weak": {"affinity.most": 1000.0, "video.start": "4f", "groups.reach": 100.0},
+    "groups.overlap": {"affinity.most": 1000.0, "video.start": "4f", "groups.reach": 100.0},
+    "groups.share": {"affinity.floor": 0.01, "affinity.pair": 0.0, "groups.reach": 0.0},
+    "groups.gap": {"groups.least_pairs": 8},
     "objects.clean_power": DEMANDING,
     "objects.clean_half": DEMANDING,
     "objects.unclean_from": DEMANDING,

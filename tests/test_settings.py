@@ -15,7 +15,7 @@ from zsmoseg.flow.dis import Dis
 from zsmoseg.flow.pairs import PairCriteria
 from zsmoseg.grouping.core import Core
 from zsmoseg.settings import Section, defaults, describe, parse_override, resolve
-from zsmoseg.settings.gone import GONE
+from zsmoseg.settings.gone import GONE, GONE_VALUES
 from zsmoseg.video.probe import Excerpt
 
 
@@ -41,7 +41,16 @@ def test_what_is_gone_is_no_setting_and_its_successor_is_a_setting_or_a_constant
             default = {field.name: field.default for field in fields(getattr(import_module(module), kind))}
             assert default[constant] == float(value), name
         else:
-            assert [word for word in words.split() if word in defaults()], words
+            assert [word for word in words.replace(",", " ").split() if word in defaults()], words
+
+
+@pytest.mark.parametrize(("name", "value"), GONE_VALUES)
+def test_a_value_that_is_gone_names_its_successor(name: str, value: str) -> None:
+    with pytest.raises(SettingsError) as error:
+        resolve(overrides={name: value})
+    successor = GONE_VALUES[name, value].removeprefix("is ").removesuffix(" now")
+    assert str(error.value) == f"settings: {name}={value} is {successor} now"
+    resolve(overrides={name: successor})
 
 
 def test_everything_wrong_is_told_at_once() -> None:
@@ -51,7 +60,7 @@ def test_everything_wrong_is_told_at_once() -> None:
     text = str(error.value)
     assert "flow.strid is unknown; did you mean flow.stride?" in text
     assert "flow.stride = 99: expected an integer >= 1 and <= 8" in text
-    assert "groups.keep is no setting any more" in text
+    assert "groups.keep went: the strongest" in text
 
 
 def test_words_of_the_command_line_are_values() -> None:

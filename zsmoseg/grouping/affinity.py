@@ -108,7 +108,7 @@ def shot_affinity(
         affinity = affinities[0]
     else:
         columns = kernel.columns if kernel.fusion == "coregularised" else None
-        affinity = fused([completed(a) for a in affinities], columns)
+        affinity = fused([completed(a) for a in affinities], columns, kernel.kernel != "merge")
     by_world = kernel.kernel == "merge" and kernel.cues == "flow"
     return ShotAffinity(
         affinity,

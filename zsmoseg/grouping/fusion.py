@@ -46,10 +46,11 @@ def sparsify(affinity: Floats) -> Floats:
     return np.asarray((keep + keep.T) / 2 * affinity)
 
 
-def fused(views: Sequence[Floats], clusters: int | None = None) -> Floats:
+def fused(views: Sequence[Floats], clusters: int | None = None, sparse: bool = True) -> Floats:
     """One affinity (N, N), 0 to 1, of several of the same objects: sum, or co-regularised if ``clusters`` is given.
 
-    Each is sparsified first: what two views both find weak would otherwise add up to a floor under everything.
+    Where values only rank, as numbers of shared choices do, each is sparsified first: what two views both find weak would
+    otherwise add up to a floor under everything. Where one half is a border, the mean keeps it.
 
     Parameters
     ----------
@@ -57,10 +58,10 @@ def fused(views: Sequence[Floats], clusters: int | None = None) -> Floats:
     clusters : columns of the embedding of each view; the affinity is then the cosine between rows of the common
         embedding, negative ones 0.
     """
-    sparse = [sparsify(view) for view in views]
+    views = [sparsify(view) for view in views] if sparse else views
     if clusters is None:
-        return np.asarray(np.mean(sparse, axis=0))
-    rows = coregularised(sparse, clusters)
+        return np.asarray(np.mean(views, axis=0))
+    rows = coregularised(views, clusters)
     return np.clip(rows @ rows.T, 0.0, 1.0)
 
 

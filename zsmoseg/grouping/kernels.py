@@ -71,8 +71,10 @@ def merge(p: Pair, model: Model, k: Tolerance) -> tuple[Floats, Floats]:
 def geometric(residual: Floats, pixels: Floats, k: Tolerance) -> tuple[Floats, Floats]:
     """The same where only residuals of models on each other's points are known: of the larger's on the smaller's.
 
+    A model that is used on foreign points errs by as much as it and theirs do on their own.
+
         E[i, j] = sqrt(e[i, j] - e[j, j])      i the larger
-        T[i, j] = floor + sqrt(pair (e[i, i] + e[j, j]))
+        T[i, j] = floor + sqrt(e[i, i] + e[j, j])
 
     Parameters
     ----------
@@ -83,7 +85,7 @@ def geometric(residual: Floats, pixels: Floats, k: Tolerance) -> tuple[Floats, F
     over = np.sqrt(np.maximum(residual - own, 0.0))
     equal = pixels[:, None] == pixels
     excess = np.where(equal, np.maximum(over, over.T), np.where(pixels[:, None] > pixels, over, over.T))
-    return excess, k.floor + np.sqrt(k.pair * (own[:, None] + own))
+    return excess, k.floor + np.sqrt(own[:, None] + own)
 
 
 def shared_choices(residual: Floats, share: float) -> Floats:
