@@ -18,13 +18,13 @@ from zsmoseg.settings import Settings, resolve
 from zsmoseg.synthetic import CAMERAS, Scene, flow_scene
 
 SHIFT = {"motion.model": "screw-shift"}
-INLIER = {**SHIFT, "groups.rule": "spectral"}
+SPECTRAL = {**SHIFT, "groups.rule": "spectral"}
 
 
 def answer(scene: Scene, settings: Settings) -> ShotGroups:
     """The groups of a scene with its inverse depth."""
     model, core = settings.motion.chosen(True), settings.parameters(Core)
-    return group_arrays(scene.labels, scene.pictures, scene.flow, scene.inverse_depth, model, core)
+    return group_arrays(scene.labels, scene.pictures, scene.flow, scene.inverse_depth, model, core)[0]
 
 
 def paper(scene: Scene, ranking: str, share: float) -> dict[str, Any]:
@@ -69,8 +69,8 @@ def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     fifth, half = max(count // 5, 1), max(count // 2, 1)
     rules: dict[str, Any] = {
-        "calibrated": SHIFT,
-        "inlier": INLIER,
+        "default": SHIFT,
+        "spectral": SPECTRAL,
         "paper row": lambda scene: paper(scene, "row", 0.5),
         "paper column": lambda scene: paper(scene, "column", 0.5),
     }
@@ -81,17 +81,17 @@ def main() -> None:
         row(f"noise {noise}, screw-shift", (flow_scene(s, noise=noise) for s in range(count)), rules)
     for model in ("screw", "screw-printed", "screw-plane", "quadratic", "affine"):
         scenes = (flow_scene(s) for s in range(count))
-        row(f"noise 0.1, {model}", scenes, {"calibrated": {"motion.model": model}})
+        row(f"noise 0.1, {model}", scenes, {"default": {"motion.model": model}})
     for camera in CAMERAS:
         scenes = (flow_scene(s, camera=camera) for s in range(fifth))
-        row(f"camera {camera}", scenes, {"calibrated": SHIFT})
+        row(f"camera {camera}", scenes, {"default": SHIFT})
     for movers in range(4):
         scenes = (flow_scene(s, n_movers=movers, companions=0.0) for s in range(half))
-        row(f"{movers} movers, {movers + 1} groups", scenes, {"calibrated": SHIFT})
+        row(f"{movers} movers, {movers + 1} groups", scenes, {"default": SHIFT})
     for leak in (3, 6):
-        row(f"masks leak {leak} px", (flow_scene(s, leak=leak) for s in range(half)), {"calibrated": SHIFT})
+        row(f"masks leak {leak} px", (flow_scene(s, leak=leak) for s in range(half)), {"default": SHIFT})
     scenes = (flow_scene(s, depth_noise=0.05) for s in range(half))
-    row("inverse depth 5 % wrong", scenes, {"calibrated": SHIFT})
+    row("inverse depth 5 % wrong", scenes, {"default": SHIFT})
     states(max(count * 3 // 10, 1))
 
 

@@ -42,6 +42,7 @@ NO_BYTES = {
         f"proposals.{name}": "imports: tests/test_imports.py"
         for name in type(Settings().proposals).model_fields
     },
+    "groups.weak": "acts on what comes back: tests/test_grouping.py",
     "chunk.length": "changes nothing by design: tests/test_run.py",
 }
 """Settings that leave the bytes of a healthy clip alone, and where they are tested."""
@@ -75,7 +76,6 @@ def other_values(name: str, tmp_path: Path) -> list[Any]:
 DEMANDING = {"objects.clean_from": 0.0, "objects.clean_full": 0.1, "objects.unclean_from": 0.0}
 SETUP: dict[str, dict[str, Any]] = {
     "affinity.rounds": {"affinity.most": 200.0},
-    "groups.weak": {"affinity.most": 1000.0, "video.start": "4f", "groups.reach": 100.0},
     "groups.overlap": {"affinity.most": 1000.0, "video.start": "4f", "groups.reach": 100.0},
     "groups.share": {"affinity.floor": 0.01, "affinity.pair": 0.0, "groups.reach": 0.0},
     "groups.gap": {"groups.least_pairs": 8},

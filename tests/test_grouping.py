@@ -12,7 +12,7 @@ from zsmoseg.grouping.clustering import average_linkage, by_weight, k_means, spe
 from zsmoseg.grouping.core import Core, group_arrays, shot_pairs
 from zsmoseg.grouping.groups import ShotGroups, means_against_world
 from zsmoseg.grouping.kernels import geometric, merge, ordered, ordered_weighted
-from zsmoseg.grouping.rules.linkage import odds
+from zsmoseg.grouping.rules.linkage import Membership, members, odds
 from zsmoseg.grouping.state import hysteresis, median_filter
 from zsmoseg.grouping.world import Pair, evidence_of
 from zsmoseg.motion.models import MODELS
@@ -256,6 +256,22 @@ def test_the_strongest_of_a_pair_always_costs_more_than_is_tolerated_unless_it_i
         rows = np.arange(len(cost))
         moving = cost[rows, strongest] > CORE.affinity.tolerance.floor
         assert (cost[rows, strongest] > tolerated[rows, strongest])[moving].all()
+
+
+@pytest.mark.parametrize(("weak", "open_"), [(0.5, True), (0.9, False)])
+def test_what_is_seen_while_no_mover_is_may_come_back_on_weak_odds(weak: float, open_: bool) -> None:
+    """Object 1 moves and goes; object 2, of odds 0.8 against the world, is seen after it, object 3 beside it."""
+    affinity = np.eye(4)
+    affinity[0] = affinity[:, 0] = 1 / (1 + np.array([0, 3, 0.8, 0.8]))
+    pairs, by_pair = np.full((4, 4), 5), np.ones((9, 4))
+    static = np.array([True, False, True, True])
+    found = ShotAffinity(affinity, affinity[None], affinity[None], pairs, static, by_pair, by_pair, by_pair)
+    seen = np.ones((10, 4), np.bool_)
+    seen[5:, 1] = seen[:5, 2] = seen[5:, 3] = False
+    rule = resolve(overrides={"groups.weak": weak}).groups.parameters(Membership)
+    chosen = members(found, seen, np.array([0.0, 50, 50, 50]), rule)
+    assert chosen.strong.tolist() == [False, True, False, False]
+    assert chosen.open.tolist() == [False, False, open_, False]
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1, 0.3])

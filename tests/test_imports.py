@@ -107,7 +107,7 @@ def test_depth_that_is_larger_farther_is_the_inverse_of_depth_that_is_larger_nea
         settings = {"depth.path": str(path), "depth.kind": kind, "proposals.path": str(brought / "masks")}
         report, _ = segment(brought / "disc", tmp_path / kind, settings)
         read.append(Depth.read(result_of(report, tmp_path / kind).artifact("depth")).inverse_depth)
-        assert report.plans[0].stages["groups"].settings["motion"]["model"] == "screw-shift"
+        assert report.plans[0].stages["affinity"].settings["motion"]["model"] == "screw-shift"
     np.testing.assert_allclose(read[0].astype(float), read[1].astype(float), rtol=2e-3)
     assert read[0][0, -1, 0] > 3 * read[0][0, 0, 0], "near is large"
 

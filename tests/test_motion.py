@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zsmoseg.motion.fit import fit
+from zsmoseg.motion.fit import fit, joint_costs
 from zsmoseg.motion.grams import gram_matrices
 from zsmoseg.motion.measuring import measure_pair
 from zsmoseg.motion.models import BASIS, MODELS, Model, coordinates, normalise
@@ -321,6 +321,28 @@ def test_one_motion_for_two_costs_nothing_where_they_share_it() -> None:
         np.testing.assert_array_equal(cost, cost.T)
         assert not np.diagonal(cost).any()
         assert (cost.max() < 1e-6) == same
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_costs_of_unions_are_those_of_fits_to_their_pixels(model: str) -> None:
+    label, inverse = scene(3, 6)
+    flow = rigid(label, inverse) + np.random.default_rng(0).normal(0, 0.2, (2, *SHAPE))
+    label[2, 3:30] = 6  # a line, which determines few parameters
+    gram = pair_statistics(label, ids_of(label), flow, None, inverse, None, PLAIN)
+    frame, count = gram.sum(0), len(gram)
+    found = joint_costs(gram, MODELS[model], frame)
+    _, own = merge_costs(gram, MODELS[model], frame)
+    rows_u, rows_v = design(inverse, MODELS[model])
+    for i in range(count):
+        for j in range(i):
+            both = np.isin(label, (i, j)).ravel()
+            theta = fit((gram[i] + gram[j])[None], MODELS[model], frame)[0]
+            left = flow.reshape(2, -1)[:, both] - np.stack([rows_u[both] @ theta, rows_v[both] @ theta])
+            assert found[i, j] == found[j, i] == pytest.approx(float((left**2).sum()), rel=1e-6, abs=1e-6)
+        theta = fit(gram[i][None], MODELS[model], frame)[0]
+        mine = (label == i).ravel()
+        left = flow.reshape(2, -1)[:, mine] - np.stack([rows_u[mine] @ theta, rows_v[mine] @ theta])
+        assert own[i] == pytest.approx(float((left**2).sum() / mine.sum()), rel=1e-6, abs=1e-8)
 
 
 def test_slots_that_are_not_seen_change_no_bit() -> None:

@@ -42,7 +42,8 @@ def test_objects_are_a_table_of_what_was_seen(result) -> None:
     _, found = result
     table = found.objects.set_index("object")
     mover = table[table.group == 1].area.idxmax()
-    assert table.score[mover] > table.threshold[mover]
+    assert table.excess[mover] > table.tolerance[mover]
+    assert table.world[mover] < 0.5 < table.world[0]
     assert found.moving()[:, mover].any()
 
 

@@ -33,7 +33,10 @@ def test_summary_names_groups_evidence_and_settings(finished: Path) -> None:
     assert summary["groups"] == 2
     assert summary["frames"] == 10
     assert summary["settings"]["chunk.length"] == 4
-    assert any(e["group"] == 1 and e["excess_px"] > e["threshold_px"] for e in summary["evidence"])
+    assert any(
+        e["group"] == 1 and e["excess_px"] > e["tolerance_px"] and e["affinity_with_world"] < 0.5
+        for e in summary["evidence"]
+    )
 
 
 def test_the_overlay_has_every_frame(finished: Path) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from zsmoseg.motion.models import BASIS, Floats, Model, U, V, pixels_of
+from zsmoseg.motion.unions import least_costs, union_costs
 
 RIDGE = 1e-8
 """Weight of the frame's fit against an object's pixels, in the metric of the frame: above the rounding of sums in
@@ -44,19 +45,28 @@ def fit(gram: Floats, model: Model, frame: Floats) -> Floats:
 
 
 def own_cost(gram: Floats, model: Model, frame: Floats) -> Floats:
-    """(...) sum of squared residuals of each Gram's own fit, px^2 times pixels."""
+    """(N,) sum of squared residuals of the own fit of each Gram (N, 11, 11), px^2 times pixels."""
+    return np.asarray(least_costs(*_towards_frame(gram, model, frame), RIDGE, STEPS))
+
+
+def joint_costs(gram: Floats, model: Model, frame: Floats) -> Floats:
+    """(N, N) the same of one fit to each two Grams of (N, 11, 11); nothing on the diagonal."""
+    return np.asarray(union_costs(*_towards_frame(gram, model, frame), RIDGE, STEPS))
+
+
+def _towards_frame(gram: Floats, model: Model, frame: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Normal equations (N, K, K), (N, K) of the step from the frame's fit, in its metric; costs at it (N,); pixels (N,)."""
     square, right, constant, pixels = moments(gram, model)
-    theta = _solve(square, right, pixels, model, frame)
-    moved = (square @ theta[..., None])[..., 0]
-    return np.asarray(np.maximum((theta * (moved - 2 * right)).sum(-1) + constant, 0.0))
+    white, toward = _of_frame(model, frame)
+    moved = square @ toward
+    at_frame = constant + moved @ toward - 2 * (right @ toward)
+    left, goal = white.T @ square @ white, (right - moved) @ white
+    return np.ascontiguousarray(left), np.ascontiguousarray(goal), at_frame, np.maximum(pixels, TINY)
 
 
 def _solve(square: Floats, right: Floats, pixels: Floats, model: Model, frame: Floats) -> Floats:
     """Parameters (..., P) from the normal equations, iterated Tikhonov towards those of the frame."""
-    all_square, all_right, _, all_pixels = moments(frame, model)
-    total = max(float(all_pixels), 1.0)
-    white = _whitening(all_square / total)
-    toward = white @ (white.T @ all_right) / total
+    white, toward = _of_frame(model, frame)
     count = np.maximum(pixels, TINY)[..., None]
     left = white.T @ square @ white / count[..., None]
     goal = (right - (square @ toward[..., None])[..., 0]) @ white / count
@@ -66,6 +76,14 @@ def _solve(square: Floats, right: Floats, pixels: Floats, model: Model, frame: F
         rest = goal - (left @ step[..., None])[..., 0]
         step = step + (inverse @ rest[..., None])[..., 0]
     return np.asarray(toward + np.where(pixels[..., None] > 0, step @ white.T, 0.0))
+
+
+def _of_frame(model: Model, frame: Floats) -> tuple[Floats, Floats]:
+    """The metric (P, K) of the whole frame, and its fit (P,)."""
+    square, right, _, pixels = moments(frame, model)
+    total = max(float(pixels), 1.0)
+    white = _whitening(square / total)
+    return white, np.asarray(white @ (white.T @ right) / total)
 
 
 def _whitening(square: Floats) -> Floats:

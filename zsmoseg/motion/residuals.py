@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from zsmoseg.motion.fit import fit, own_cost
+from zsmoseg.motion.fit import fit, joint_costs, own_cost
 from zsmoseg.motion.models import BASIS, LEAST, SIZE, Floats, Model, U, V, pixels_of
 
 
@@ -93,12 +93,8 @@ def merge_costs(gram: Floats, model: Model, frame: Floats) -> tuple[Floats, Floa
     d (N, N) : symmetric, zero diagonal.
     own (N,) : own-fit mean squared residual, px^2.
     """
-    pixels = pixels_of(gram)
-    own = own_cost(gram, model, frame)
-    i, k = np.triu_indices(len(gram), 1)
-    joint = own_cost(gram[i] + gram[k], model, frame)
-    d = np.zeros((len(gram), len(gram)))
-    d[i, k] = d[k, i] = np.maximum(joint - own[i] - own[k], 0.0) / np.maximum(
-        np.minimum(pixels[i], pixels[k]), 1.0
-    )
-    return d, own / np.maximum(pixels, 1.0)
+    pixels = np.maximum(pixels_of(gram), 1.0)
+    own, joint = own_cost(gram, model, frame), joint_costs(gram, model, frame)
+    cost = np.maximum(joint - (own[:, None] + own), 0.0) / np.minimum(pixels[:, None], pixels)
+    np.fill_diagonal(cost, 0.0)
+    return cost, own / pixels
