@@ -1,1 +1,1 @@
-"""From residuals to groups: kernels, affinity, evidence, decision, motion state."""
+"""From residuals to groups: the static world, kernels, affinity, clustering, motion state."""
