@@ -450,6 +450,7 @@ def test_an_object_that_covers_the_frame_leaves_nothing_undefined(rule: str) -> 
     found = shot(blank() + np.uint16(1), resolve(overrides={"groups.rule": rule}), motion=3.0)
     assert not found.group.any()
     assert np.isnan(found.excess).all(), "no world is seen"
+    assert any("shows a static world" in text for text in found.warnings)
 
 
 def test_a_shot_without_valid_pairs_moves_nothing() -> None:
@@ -458,6 +459,7 @@ def test_a_shot_without_valid_pairs_moves_nothing() -> None:
     found = shot(labels, motion=3.0, valid=np.zeros(4, np.bool_))
     assert not found.group.any()
     assert np.isnan(found.margin).all()
+    assert any("shows a static world" in text for text in found.warnings)
 
 
 def test_pairs_that_are_no_pairs_count_for_nothing() -> None:

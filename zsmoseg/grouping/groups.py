@@ -102,7 +102,13 @@ def group_shot(
         excess,
         tolerance,
         eigenvalues(found.affinity, area),
-        remarks(seen[:, 1:], group, grouping.count, inferred=grouping.rule == "spectral"),
+        remarks(
+            seen[:, 1:],
+            group,
+            grouping.count,
+            world=bool(np.isfinite(found.excess).any()),
+            inferred=grouping.rule == "spectral",
+        ),
     )
 
 

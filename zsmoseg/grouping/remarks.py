@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from zsmoseg.grouping.clustering import Count, Labels
 
 
-def remarks(seen: NDArray[np.bool_], group: Labels, count: Count, inferred: bool) -> list[str]:
+def remarks(seen: NDArray[np.bool_], group: Labels, count: Count, world: bool, inferred: bool) -> list[str]:
     """One sentence each.
 
     Parameters
@@ -18,12 +18,14 @@ def remarks(seen: NDArray[np.bool_], group: Labels, count: Count, inferred: bool
     seen : (T, N - 1) whether a frame shows an object; without the background.
     group : (N,) 0 = static.
     count : the number of groups asked for.
+    world : whether any pair of frames shows a static world behind the objects.
     inferred : whether the groups come from an affinity, which is inferred where objects are never seen together.
     """
     if not seen.any():
         return ["no object stands out from the camera's motion: everything is static"]
     return [
         *_of_objects(seen.sum(0)),
+        *(() if world else _of_no_world()),
         *_of_groups(seen, group, count),
         *(_of_affinity(seen) if inferred else ()),
     ]
@@ -35,6 +37,10 @@ def _of_objects(frames: NDArray[np.int64]) -> Iterator[str]:
         yield "there is one object only"
     if brief:
         yield f"{brief} of {objects} objects are seen in one frame only, which proves no motion"
+
+
+def _of_no_world() -> Iterator[str]:
+    yield "no pair of frames shows a static world behind the objects: what moves by itself cannot be told"
 
 
 def _of_groups(seen: NDArray[np.bool_], group: Labels, count: Count) -> Iterator[str]:
