@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import json
 from io import StringIO
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from zsmoseg import __version__
 from zsmoseg.settings import Settings
+from zsmoseg.stores.arrays import Arrays
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
@@ -18,6 +19,7 @@ from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 
 NAME = "summary.json"
 STATES = "motion.csv"
+T = TypeVar("T", bound=Arrays)
 
 
 def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
@@ -36,7 +38,7 @@ def states(plan: VideoPlan) -> str:
 
     The margin is the logarithm of the odds against the static world (cost over what is tolerated), empty where it is unknown.
     """
-    labels, groups, out = _labels(plan), _groups(plan), StringIO()
+    labels, groups, out = _read(plan, "labels", Labels), _read(plan, "groups", Groups), StringIO()
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow(["frame", "name", "seconds", "object", "instance", "group", "moving", "margin"])
     for state in groups.blocks():
@@ -52,22 +54,11 @@ def states(plan: VideoPlan) -> str:
     return out.getvalue()
 
 
-def _groups(plan: VideoPlan) -> Groups:
-    artifact = plan.stages["groups"].artifact
+def _read(plan: VideoPlan, stage: str, kind: type[T]) -> T:
+    """What a stage of a finished video left."""
+    artifact = plan.stages[stage].artifact
     assert artifact is not None
-    return Groups.read(artifact)
-
-
-def _affinity(plan: VideoPlan) -> Affinity:
-    artifact = plan.stages["affinity"].artifact
-    assert artifact is not None
-    return Affinity.read(artifact)
-
-
-def _labels(plan: VideoPlan) -> Labels:
-    artifact = plan.stages["labels"].artifact
-    assert artifact is not None
-    return Labels.read(artifact)
+    return kind.read(artifact)
 
 
 def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
@@ -78,7 +69,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     assert record is not None
     found = Groups.read(artifact)
     group, area, frames = found.group, found.area, len(plan.probe.times)
-    moving, visibility = moving_objects(found, 0, frames), _affinity(plan).visibility
+    moving, visibility = moving_objects(found, 0, frames), _read(plan, "affinity", Affinity).visibility
     return {
         "zsmoseg": __version__,
         "source": plan.source,

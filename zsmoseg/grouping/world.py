@@ -92,8 +92,6 @@ class World:
 
     static: NDArray[np.bool_]
     """(N,) what belongs to it; the background first. What is never seen against it is not known to move."""
-    affinity: Floats
-    """(N,) with the world, of the last pass; NaN = never seen against it."""
     evidence: list[Evidence]
     """Of the pairs that show a world, of the last pass."""
 
@@ -108,12 +106,11 @@ def static_world(
     counts : (count,) false where evidence counts for nothing, as the pictures show no motion.
     """
     static = np.arange(count) == 0
-    world = World(static, np.full(count, np.nan), [])
+    world = World(static, [])
     for _ in range(tolerance.rounds):
         found = [e for p in shot() if (e := evidence_of(p, static, model, tolerance, counts)) is not None]
-        affinity = _mean_agreement(found, count)
-        joined = static | ~(affinity < 0.5)
-        world = World(joined, affinity, found)
+        joined = static | ~(_mean_agreement(found, count) < 0.5)
+        world = World(joined, found)
         if np.array_equal(joined, static):
             break
         static = joined
