@@ -5,6 +5,8 @@ ZsmosegError
 ├── VideoError       a source: missing, not a video, damaged, too short, frames of different size
 ├── FormatError      a file of masks, flow, depth or tracks: other size, other names, out of range, damaged
 ├── DatasetError     truth to compare with: no known layout, frames or sequences missing
+├── ModelError       a model: missing, damaged, of another digest, graph and contract differ
+├── NetworkError     a run of a network: numbers that are not finite, no memory
 ├── StoreError       a store: not one, of a newer version, damaged, of another source
 ├── OutputError      an output folder: made by something else or from another source
 ├── SpaceError       the disk is full or too small for the plan
@@ -32,6 +34,14 @@ class FormatError(ZsmosegError):
 
 class DatasetError(ZsmosegError):
     """A dataset cannot be used: no known layout, frames or sequences missing."""
+
+
+class ModelError(ZsmosegError):
+    """A model cannot be used: missing, damaged, of another digest than it should be, graph and contract differ."""
+
+
+class NetworkError(ZsmosegError):
+    """A network ran and what came out cannot be used, or it ran out of memory."""
 
 
 class StoreError(ZsmosegError):

@@ -1,0 +1,59 @@
+"""Depth of a network: relative inverse depth of a frame, whatever its output means."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.depth.relative import relative
+from zsmoseg.errors import ModelError
+from zsmoseg.formats.depth import inverse_depth
+from zsmoseg.networks.contract import MAIN, NAME, Contract
+from zsmoseg.networks.image import Frame, prepare
+from zsmoseg.networks.session import Network
+
+Kind = Literal["depth", "inverse-depth"]
+INVERSE = ("inverse-depth", "inverse depth", "relative inverse depth", "disparity")
+DEPTH = ("depth", "metric-depth", "metric depth", "relative depth")
+"""How the meaning of an output begins."""
+
+
+def kind_of(contract: Contract) -> Kind:
+    """Whether the numbers of a depth network grow with the distance or with nearness.
+
+    Raises
+    ------
+    ModelError
+        The contract does not say: mixed up, parallax gets the wrong sign and nothing fails.
+    """
+    meaning = contract.output[0].meaning.lower() if contract.output else ""
+    if meaning.startswith(INVERSE):
+        return "inverse-depth"
+    if meaning.startswith(DEPTH):
+        return "depth"
+    raise ModelError(
+        f"{contract.folder / NAME}: [output] meaning is {meaning or 'missing'}; it begins with depth (larger = farther) or "
+        "inverse-depth (larger = nearer)"
+    )
+
+
+def network_depth(network: Network, frame: Frame, size: tuple[int, int]) -> NDArray[np.float32]:
+    """Relative inverse depth of a frame (H, W, 3), blue green red, on a grid of (height, width), of mean 1.
+
+    The output is resized by its own shape: DPT heads leave other sizes than they were given.
+
+    Raises
+    ------
+    NetworkError
+        Nothing finite came out.
+    """
+    tensor, where = prepare(frame, network.contract.image)
+    (found,) = network.run(MAIN, {"image": tensor}, ["depth"]).values()
+    if found.ndim < 2 or max(found.shape[:-2], default=1) != 1:
+        raise ModelError(
+            f"{network.contract.folder / NAME}: the output has shape {list(found.shape)}; depth is one number a pixel"
+        )
+    full = where.map_out(found.reshape(found.shape[-2:]))
+    return relative(inverse_depth(full, kind_of(network.contract)), size)
