@@ -85,11 +85,10 @@ def network_instances(network: Network, frame: Frame) -> Raw:
     corners = _corners(rows[some, :4], rules.boxes)
     kept = suppress(corners, best[some], rules.overlap)[: rules.most]
     some, corners = some[kept], corners[kept]
-    masks = [
-        _mask(row[4 + classes :], prototypes, box, where)
-        for row, box in zip(rows[some], corners, strict=True)
-    ]
+    flat = rows[some, 4 + classes :] @ prototypes.reshape(len(prototypes), -1)
+    logits = flat.reshape(-1, *prototypes.shape[1:])
     box = np.clip(where.boxes_out(corners), 0, np.tile(where.original[::-1], 2)).astype(np.float32)
+    masks = [_mask(one, corners, where) for one, corners in zip(logits, box, strict=True)]
     return Raw(box, np.ascontiguousarray(score[some]), masks)
 
 
@@ -101,16 +100,22 @@ def _corners(boxes: NDArray[np.float32], kind: str) -> NDArray[np.float32]:
     return np.concatenate([boxes[:, :2] - half, boxes[:, :2] + half], 1)
 
 
-def _mask(
-    coefficients: NDArray[np.float32], prototypes: NDArray[np.float32], box: NDArray[Any], where: Geometry
-) -> NDArray[np.bool_]:
-    """(H, W): logits at the size of the canvas, nothing outside the box, cut to the frame, then > 0.
+def _mask(logits: NDArray[np.float32], box: NDArray[Any], where: Geometry) -> NDArray[np.bool_]:
+    """(H, W): logits of the coarse grid at the pixels of the frame within the box (4) of it, then > 0.
 
-    Upsampled as logits: a mask that is cut first has the stairs of the coarse grid.
+    Upsampled as logits: a mask that is cut first has the stairs of the coarse grid. In one step, grid to frame, and
+    only where the box is: most boxes are small, and this is most of what a frame costs beside the network.
     """
-    logits = np.tensordot(coefficients, prototypes, 1)
-    full = cv2.resize(logits, where.canvas[::-1], interpolation=cv2.INTER_LINEAR)
-    x0, y0, x1, y1 = np.clip(np.rint(box), 0, np.tile(where.canvas[::-1], 2)).astype(int)
-    inside = np.full_like(full, -1.0)
-    inside[y0:y1, x0:x1] = full[y0:y1, x0:x1]
-    return np.asarray(where.map_out(inside) > 0)
+    mask = np.zeros(where.original, np.bool_)
+    x0, y0, x1, y1 = (int(n) for n in np.rint(box))
+    if x1 <= x0 or y1 <= y0:
+        return mask
+    grid = np.array([logits.shape[1] / where.canvas[1], logits.shape[0] / where.canvas[0]])
+    scale = np.array(where.scale) * grid
+    # the centre of pixel x of the frame lies at (x + 1/2) scale + left on the canvas, and grids have half pixels too
+    shift = (np.array([x0, y0]) + 0.5) * scale + np.array([where.left, where.top]) * grid - 0.5
+    to_grid = np.array([[scale[0], 0, shift[0]], [0, scale[1], shift[1]]])
+    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    part = cv2.warpAffine(logits, to_grid, (x1 - x0, y1 - y0), flags=how, borderMode=cv2.BORDER_REPLICATE)
+    mask[y0:y1, x0:x1] = part > 0
+    return mask
