@@ -70,7 +70,7 @@ class Graph:
         array = np.asarray(value)
         array = array.astype(np.float32 if array.dtype.kind == "f" else array.dtype)
         name = f"constant_{next(self.numbers)}"
-        self.constants.append(numpy_helper.from_array(np.ascontiguousarray(array), name))
+        self.constants.append(numpy_helper.from_array(array.copy(order="C"), name))
         return name
 
     def size(self, tensor: str, axis: int) -> str:
@@ -79,7 +79,8 @@ class Graph:
 
     def steps(self, tensor: str, axis: int) -> str:
         """0, 1, 2, ... along an axis."""
-        return self("Range", np.float32(0), self.size(tensor, axis), np.float32(1))
+        size = self("Gather", self("Shape", tensor), np.int64(axis))
+        return self("Cast", self("Range", np.int64(0), size, np.int64(1)), to=FLOAT)
 
     def write(self, path: Path, inputs: Mapping[str, Any], outputs: Mapping[str, Any]) -> dict[str, Any]:
         """Save, and give what a contract says of the file. Tensors are (type, shape)."""
