@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zsmoseg import settings
-from zsmoseg.proposals.given.propagate import here, look_up, nearest_known, step
+from zsmoseg.tracking.carrying import here, look_up, nearest_known, step
 from zsmoseg.workflows.stage import ALL, Part, Stage, ignored, reach
 from zsmoseg.workflows.stages.cues.flow import Flow, Vectors, between_cuts
 from zsmoseg.workflows.stages.front_end import Labels, labels_of

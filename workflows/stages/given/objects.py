@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.proposals.given.link import Linker, Linking
 from zsmoseg.stores.fields import table
+from zsmoseg.tracking.linking import Linker, Linking
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 from zsmoseg.workflows.stages.front_end import Objects, shot_columns, shrink

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from zsmoseg.proposals.given.propagate import Flow, Label, here, look_up, step
+from zsmoseg.tracking.carrying import Flow, Label, here, look_up, step
+from zsmoseg.tracking.matching import matched, overlaps
 
 Ids = NDArray[np.int64]
 
@@ -76,8 +76,6 @@ class Linker:
     def _match(self, place: Ids, count: int, alive: Ids) -> Ids:
         """The living object of each mask: the assignment of the largest sum of overlaps.
 
-        Source: Kuhn, "The Hungarian method for the assignment problem", Naval Research Logistics Quarterly 1955.
-
         Parameters
         ----------
         place
@@ -93,12 +91,6 @@ class Linker:
         """
         column = np.zeros(self.last + 1, np.int64)
         column[alive] = np.arange(1, len(alive) + 1)
-        code = place * (len(alive) + 1) + column[self.label]
-        both = np.bincount(code.ravel(), minlength=(count + 1) * (len(alive) + 1)).reshape(count + 1, -1)
-        union = both.sum(1)[1:, None] + both.sum(0)[None, 1:] - both[1:, 1:]
-        share = both[1:, 1:] / np.maximum(union, 1)
-        rows, columns = linear_sum_assignment(-share)
-        objects = np.zeros(count, np.int64)
-        good = share[rows, columns] >= self.linking.link_overlap
-        objects[rows[good]] = alive[columns[good]]
-        return objects
+        both, union = overlaps(place, column[self.label], count, len(alive))
+        found = matched(both / np.maximum(union, 1), self.linking.link_overlap)
+        return np.append(alive, 0)[found]
