@@ -310,13 +310,19 @@ def write_segmenter(folder: Path, passes: int = 1, resize: Mapping[str, Any] = S
 def _mask_decoder() -> Graph:
     graph = Graph()
     rgb = _rgb(graph, "image_embeddings")
-    corners = graph("Mul", graph("Squeeze", "point_coords", np.int64([0])), np.float32(0.5))
+    real = graph(
+        "Compress",
+        "point_coords",
+        graph("Greater", graph("Squeeze", "point_labels", np.int64([0])), np.float32(0)),
+        axis=1,
+    )
+    corners = graph("Mul", graph("Squeeze", real, np.int64([0])), np.float32(0.5))
     low = graph("ReduceMin", corners, axes=[0], keepdims=0)
     high = graph("ReduceMax", corners, axes=[0], keepdims=0)
     x = graph("Add", graph.steps(rgb, 3), np.float32(0.5))
     y = graph("Unsqueeze", graph("Add", graph.steps(rgb, 2), np.float32(0.5)), np.int64([1]))
     box = _between(graph, x, low, high, 0, y)
-    label = graph("ReduceMin", "point_labels", axes=[0, 1], keepdims=0)
+    label = graph("ReduceMax", "point_labels", axes=[0, 1], keepdims=0)
     inside = graph("Or", box, graph("Less", label, np.float32(1.5)))
     middle = graph("Mul", graph("Add", low, high), np.float32(0.5))
     last = graph("Sub", graph("Slice", graph("Shape", rgb), np.int64([2]), np.int64([4])), np.int64(1))

@@ -31,8 +31,9 @@ from zsmoseg.networks.text_boxes import TextTable
 from zsmoseg.settings import PRESETS
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.models import catalogue, downloading
-from zsmoseg.workflows.models.catalogue import entries, preset_models
+from zsmoseg.workflows.models.catalogue import entries
 from zsmoseg.workflows.models.contract_text import with_digests
+from zsmoseg.workflows.models.needed import preset_models
 from zsmoseg.workflows.models.place import find_model, models_folder, staging
 
 ENTRIES = entries()
@@ -84,6 +85,11 @@ meaning = "depth, larger = farther"
 
 
 # ------------------------------------------------------------------ a server, a registry, a cache
+class Quiet(ThreadingHTTPServer):
+    def handle_error(self, *_: Any) -> None:
+        """A client that hangs up is what some tests are about."""
+
+
 class Server:
     """Files over HTTP, as badly as a test wants."""
 
@@ -93,7 +99,7 @@ class Server:
         self.drop_after: list[int] = []
         self.ranges = True
         self.length = True
-        self.httpd = ThreadingHTTPServer(("127.0.0.1", 0), type("H", (Handler,), {"server_of": self}))
+        self.httpd = Quiet(("127.0.0.1", 0), type("H", (Handler,), {"server_of": self}))
         self.url = f"http://127.0.0.1:{self.httpd.server_address[1]}"
         threading.Thread(target=self.httpd.serve_forever, args=(0.01,), daemon=True).start()
 
@@ -234,11 +240,15 @@ def test_the_registry_has_every_network_of_the_paper_and_says_who_may_use_it() -
     assert "non-commercial" not in ENTRIES["raft"].about()
 
 
-def test_a_preset_needs_the_models_that_its_settings_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    values = {"proposals.tags": "ram", "flow.model": "pwc-net", "motion.model": "screw", "depth.source": "ram-plus",
-              "depth.model": "", "proposals.boxes": "grounding-dino-tiny"}  # fmt: skip
-    monkeypatch.setitem(PRESETS, "mine", values)  # type: ignore[misc]
-    assert preset_models("mine") == ["ram", "pwc-net", "grounding-dino-tiny"]
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_preset_needs_models_that_the_registry_has(preset: str) -> None:
+    needed = preset_models(preset)
+    assert set(needed) <= set(ENTRIES)
+    assert bool(needed) == (PRESETS[preset].get("proposals.source") == "network")
+    if preset == "paper":
+        assert {"ram", "grounding-dino-tiny", "sam-vit-b", "deaot-l", "pwc-net"} <= set(needed)
+    if preset == "permissive":
+        assert not [n for n in needed if ENTRIES[n].tables.get("commercial") is False]
 
 
 # ------------------------------------------------------------------ fetching

@@ -77,7 +77,7 @@ def _list(options: argparse.Namespace) -> int:
 
 def _fetch(options: argparse.Namespace) -> int:
     from zsmoseg.errors import SettingsError
-    from zsmoseg.workflows.models.catalogue import preset_models
+    from zsmoseg.workflows.models.needed import preset_models
 
     names = [*options.names, *(preset_models(options.preset) if options.preset else [])]
     if options.preset and not names:

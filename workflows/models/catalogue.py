@@ -19,9 +19,6 @@ from zsmoseg.networks.contract import File
 from zsmoseg.workflows.models.contract_text import files_of, parse
 
 HERE = files("zsmoseg.workflows.models")
-SECTIONS = ("proposals", "tracking", "flow", "depth")
-FIELDS = ("model", "tags", "boxes", "masks")
-"""Settings ``section.field`` that name a model."""
 
 
 @dataclass(frozen=True)
@@ -161,29 +158,3 @@ def _entry(name: str, text: str, extra: Mapping[str, Any]) -> Entry:
 
 def _three(module: str, function: str, *names: str) -> tuple[str, str, str]:
     return module, function, names[0]
-
-
-def models_in(values: Mapping[str, Any]) -> list[str]:
-    """The models that settings (dotted names) name, each once, in their order."""
-    named = [
-        str(value)
-        for setting, value in values.items()
-        if setting.split(".")[0] in SECTIONS and setting.rsplit(".", 1)[-1] in FIELDS and value in entries()
-    ]
-    return list(dict.fromkeys(named))
-
-
-def preset_models(preset: str) -> list[str]:
-    """The models that a preset needs.
-
-    Raises
-    ------
-    SettingsError
-        The preset is unknown.
-    """
-    from zsmoseg.errors import SettingsError
-    from zsmoseg.settings import PRESETS
-
-    if preset not in PRESETS:
-        raise SettingsError(f"preset {preset!r} is unknown; there are {', '.join(PRESETS)}")
-    return models_in(PRESETS[preset])

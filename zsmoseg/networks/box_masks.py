@@ -19,8 +19,8 @@ from zsmoseg.networks.decoders import Embedding, Floats, MasksTable, decode
 from zsmoseg.networks.image import Geometry, prepare
 from zsmoseg.networks.session import Network
 
-CORNERS = (2, 3)
-"""Labels of the corners of a box."""
+CORNERS, POINT = (2, 3), (1,)
+"""Labels of the corners of a box, and of a point on the object."""
 STABLE = 1.0
 """Logits between which an edge may lie: a stable mask has about one area at either (SAM's automatic masks)."""
 
@@ -115,7 +115,7 @@ def masks_of_points(
     """
     geometry = embedding.geometry
     found: list[tuple[float, float, int, NDArray[np.bool_]]] = []
-    for row, logits, predicted in _answers(network, embedding, points[:, None], (1,)):
+    for row, logits, predicted in _answers(network, embedding, points[:, None], POINT):
         for logit, quality in zip(logits, predicted, strict=True):
             if quality < floors.quality:
                 continue
@@ -150,6 +150,9 @@ def _answers(
         part = prompts[start : start + size]
         points = embedding.geometry.points_in(part.reshape(-1, 2)).astype(np.float32).reshape(part.shape)
         named = np.tile(np.array(labels, np.int64), (len(part), 1))
+        if labels == POINT and network.contract.extra("masks", MasksTable).pad_point:
+            points = np.pad(points, ((0, 0), (0, 1), (0, 0)))
+            named = np.pad(named, ((0, 0), (0, 1)), constant_values=-1)
         logits, quality = decode(network, embedding, points, named)
         for row in range(len(part)):
             yield start + row, logits[row], quality[row]

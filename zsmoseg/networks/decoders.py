@@ -40,12 +40,15 @@ class MasksTable(Table):
     style : form of the decoder, see the top of this file.
     boxes_per_call : boxes, or points of a grid, that a call of the decoder takes.
     passes : 2 gives the best logits back with the box, as SAM-Track does.
+    pad_point : a point without a box is followed by one of label -1, as SAM was trained; false where the graph does
+        that itself.
     upsample : ``canvas``: logits grow to the canvas, then to the frame (SAM); ``frame``: in one step (SAM 2).
     """
 
     style: Literal["sam", "transformers", "efficient-sam"]
     boxes_per_call: int = Field(1, ge=1)
     passes: Literal[1, 2] = 1
+    pad_point: bool = True
     upsample: Literal["canvas", "frame"] = "canvas"
 
     @model_validator(mode="after")

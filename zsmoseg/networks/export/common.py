@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import pickle
 import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,19 @@ WRAPPERS = ("state_dict", "model", "model_state_dict", "ema_model", "params")
 """Under which name training scripts put the weights, the usual first."""
 
 
+def require(*packages: str) -> None:
+    """Refuse to begin where a package of the extra ``zsmoseg[export]`` is not installed.
+
+    Raises
+    ------
+    ModelError
+        Naming what is missing.
+    """
+    missing = [name for name in (*packages, "torch", "onnx", "tomli_w") if find_spec(name) is None]
+    if missing:
+        raise ModelError(f"models export needs {', '.join(missing)}; pip install 'zsmoseg[export]'")
+
+
 def load_weights(path: Path) -> dict[str, Any]:
     """The tensors of a checkpoint by name; nothing in the file is run.
 
@@ -38,6 +53,7 @@ def load_weights(path: Path) -> dict[str, Any]:
     ModelError
         If there is no such file, or it is damaged, or it holds more than plain tensors.
     """
+    require()
     import torch
 
     if not path.is_file():
@@ -104,6 +120,42 @@ def fill(module: Any, weights: Mapping[str, Any], path: Path) -> Any:
             )
     module.load_state_dict({**wanted, **weights})
     return module.eval()
+
+
+def load_folder(kind: Any, folder: Path) -> Any:
+    """A model of the transformers class ``kind`` from a folder that the user has; nothing is fetched, no code is run.
+
+    Raises
+    ------
+    ModelError
+        If ``config.json`` or ``model.safetensors`` is not there, of another kind of model, or lacks weights.
+    """
+    require("transformers")
+    import torch
+
+    try:
+        found = json.loads((folder / "config.json").read_text(encoding="utf-8")).get("model_type")
+    except (OSError, ValueError, AttributeError) as error:
+        raise ModelError(
+            f"{folder}: no readable config.json; give the folder with config.json and model.safetensors"
+        ) from error
+    if found != kind.config_class.model_type:
+        raise ModelError(f"{folder}: is a model of type {found}, wanted {kind.config_class.model_type}")
+    try:
+        model, info = kind.from_pretrained(
+            folder,
+            local_files_only=True,
+            use_safetensors=True,
+            trust_remote_code=False,
+            output_loading_info=True,
+            dtype=torch.float32,
+        )
+    except Exception as error:  # transformers lets through what each of its loaders raises
+        line = (str(error) or type(error).__name__).splitlines()[0]
+        raise ModelError(f"{folder}: cannot be read as a model ({line})") from error
+    if lacking := sorted(info["missing_keys"]):
+        raise ModelError(f"{folder}: has no {lacking[0]} ({len(lacking)} weights are missing)")
+    return model.eval()
 
 
 def as_module(forward: Callable[..., Any], *parts: Any) -> Any:
@@ -232,6 +284,13 @@ def verified_dynamic(module: Any, path: Path, examples: Iterable[Sequence[Any]])
     return bool(errors) and max(errors) <= TOLERANCE
 
 
+def noise(count: int, size: tuple[int, int], seed: int = 0) -> Any:
+    """An example of input: ``count`` images (count, 3, h, w) of numbers from 0 to 1, the same every time."""
+    import torch
+
+    return torch.rand(count, 3, *size, generator=torch.Generator().manual_seed(seed))
+
+
 def write_contract(folder: Path, content: Mapping[str, Any]) -> Path:
     """``contract.toml`` of the graphs in ``folder``; returns its path.
 
@@ -249,11 +308,12 @@ def write_contract(folder: Path, content: Mapping[str, Any]) -> Path:
 
 
 def _measured(folder: Path, graph: Mapping[str, Any]) -> dict[str, Any]:
-    beside = [_sized(folder, name) for name in external_files(folder / graph["file"])]
-    return {**graph, **_sized(folder, graph["file"]), "data": beside or None}
+    beside = [sized(folder, name) for name in external_files(folder / graph["file"])]
+    return {**graph, **sized(folder, graph["file"]), "data": beside or None}
 
 
-def _sized(folder: Path, name: str) -> dict[str, Any]:
+def sized(folder: Path, name: str) -> dict[str, Any]:
+    """Name, digest and bytes of a file in a folder, as contracts name files."""
     with (folder / name).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"file": name, "sha256": digest, "bytes": (folder / name).stat().st_size}

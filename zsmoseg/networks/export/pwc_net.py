@@ -15,6 +15,7 @@ from zsmoseg.networks.export.common import (
     export_graph,
     fill,
     load_weights,
+    noise,
     verified_dynamic,
     write_contract,
 )
@@ -51,21 +52,20 @@ def export_pwc_net(checkpoint: Path, folder: Path, name: str = "pwc-net") -> Pat
     ModelError
         The file is no weights of PWC-Net, or the graph gives other values than torch.
     """
-    import torch
-
     network = pwc_net(load_weights(checkpoint), checkpoint)
     path = folder / f"{name}.onnx"
-    generator = torch.Generator().manual_seed(0)
-    first, second = (
-        [torch.rand(1, 3, *size, generator=generator) for _ in range(2)] for size in (EXAMPLE, SECOND)
-    )
-    free = {2: "height", 3: "width"}
-    axes = {"first": free, "second": free, "flow": {2: "quarter_height", 3: "quarter_width"}}
-    export_graph(network, first, path, ["first", "second"], ["flow"], axes)
-    return write_contract(folder, _contract(name, path.name, verified_dynamic(network, path, [second])))
+    free = {0: "batch", 2: "height", 3: "width"}
+    axes = {"first": free, "second": free, "flow": {0: "batch", 2: "quarter_height", 3: "quarter_width"}}
+    export_graph(network, _pair(1, EXAMPLE), path, ["first", "second"], ["flow"], axes)
+    dynamic, batch = (verified_dynamic(network, path, [_pair(count, SECOND)]) for count in (1, 2))
+    return write_contract(folder, _contract(name, path.name, dynamic, batch))
 
 
-def _contract(name: str, file: str, dynamic: bool) -> dict[str, Any]:
+def _pair(count: int, size: tuple[int, int]) -> tuple[Any, Any]:
+    return noise(count, size, 0), noise(count, size, 1)
+
+
+def _contract(name: str, file: str, dynamic: bool, batch: bool) -> dict[str, Any]:
     return {
         "name": name,
         "task": "flow",
@@ -83,6 +83,7 @@ def _contract(name: str, file: str, dynamic: bool) -> dict[str, Any]:
             "colour_order": "BGR",
             "scale": 1 / 255,
             "dynamic_verified": dynamic,
+            "batch_verified": batch,
             "resize": {
                 "rule": "stretch",
                 "multiple_of": 64,
