@@ -69,7 +69,14 @@ def _list(options: argparse.Namespace) -> int:
     for title in ("name", "task", "size", "licence", "state"):
         table.add_column(title, justify="right" if title == "size" else "left", overflow="fold")
     for row in found:
-        table.add_row(row.name, row.task, row.size, row.licence, row.state)
+        table.add_row(
+            row.name,
+            row.task,
+            row.size,
+            row.licence,
+            row.state,
+            style="bold" if row.state == "present" else "",
+        )
     Console(width=None if sys.stdout.isatty() else 200, highlight=False, markup=False).print(table)
     print(f"models lie in {models_folder()} (ZSMOSEG_MODELS sets another folder)")
     return 0
@@ -100,8 +107,9 @@ def _fetch_one(name: str, source: str | None, accept: list[str]) -> Path:
             if not sys.stdin.isatty():
                 raise
             asked = error
-    print(asked)
-    if input("trust these files? [y/N] ").strip().lower() not in ("y", "yes"):
+    for file, digest in asked.found.items():
+        print(f"{file}: sha256 {digest}, which no publisher states")
+    if input("trust what arrived? [y/N] ").strip().lower() not in ("y", "yes"):
         raise asked
     with _progress() as watch:
         return fetch(name, source, [*accept, *asked.found.values()], watch)

@@ -103,7 +103,7 @@ class Entry:
     def size_words(self) -> str:
         """How much there is to be had, in words."""
         if self.size is None and self.about_bytes:
-            return f"about {size_words(self.about_bytes)}"
+            return f"about {size_words(self.about_bytes).replace('.0 ', ' ')}"
         return size_words(self.size)
 
     def about(self) -> str:
@@ -119,10 +119,10 @@ def size_words(size: int | None) -> str:
 
 
 def licence_words(tables: Mapping[str, Any]) -> str:
-    """The licence, marked where it forbids commercial use."""
+    """The licence, up to its first semicolon, marked where it forbids commercial use."""
     mark = ", commercial use unclear" if tables.get("commercial") is None else ""
     mark = ", non-commercial only" if tables.get("commercial") is False else mark
-    return f"{tables.get('licence', 'licence unknown')}{mark}"
+    return f"{tables.get('licence', 'licence unknown').split(';')[0]}{mark}"
 
 
 @cache

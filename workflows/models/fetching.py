@@ -28,8 +28,8 @@ class UnknownDigests(ModelError):
         listed = "; ".join(f"{file} has sha256 {digest}" for file, digest in found.items())
         accepts = " ".join(f"--accept {digest}" for digest in found.values())
         super().__init__(
-            f"model {name}: no publisher's sha256 is known for {len(found)} files, so you decide: {listed}. "
-            f"If you trust them: zsmoseg models fetch {name} {accepts} (nothing is fetched twice)"
+            f"model {name}: no publisher's sha256 is known, so you decide: {listed}. If you trust what arrived: "
+            f"zsmoseg models fetch {name} {accepts} (nothing is fetched twice)"
         )
 
 
