@@ -70,7 +70,9 @@ def test_every_array_that_any_stage_leaves_is_in_the_tree_with_its_dims(
     assert {stage.name for stage in stages} == set(tree.children) == set(left)
     for stage in stages:
         assert stage.leaves is not None
-        there = {name: field for name, field in fields_of(stage.leaves).items() if name in expected(stage, graph)}
+        there = {
+            name: field for name, field in fields_of(stage.leaves).items() if name in expected(stage, graph)
+        }
         for name, field in there.items():
             array = tree[f"{stage.name}/{name}"]
             assert array.dims == field.dims, f"{stage.name}/{name}"
