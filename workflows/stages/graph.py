@@ -13,19 +13,31 @@ from zsmoseg.workflows.stages.cues import depth, flow, frames
 from zsmoseg.workflows.stages.embedded import features, segments
 from zsmoseg.workflows.stages.embedded import labels as embedded_labels
 from zsmoseg.workflows.stages.embedded import objects as embedded_objects
-from zsmoseg.workflows.stages.given import labels as given_labels
-from zsmoseg.workflows.stages.given import objects as given_objects
-from zsmoseg.workflows.stages.given import proposals
 from zsmoseg.workflows.stages.motion import affinity, epipolar, groups, residuals, statistics, trajectories
 from zsmoseg.workflows.stages.outputs import masks, overlay
+from zsmoseg.workflows.stages.proposed import (
+    detections,
+    imported,
+    selected,
+    tags,
+    tracked_labels,
+    tracked_objects,
+    tracks,
+)
+from zsmoseg.workflows.stages.proposed import labels as linked_labels
+from zsmoseg.workflows.stages.proposed import objects as linked_objects
 
 Graph = Mapping[str, Stage[Any, Any]]
 """Stages by name, in order."""
 
 CUES = (frames.STAGE, flow.STAGE, depth.STAGE)
+NETWORKS = (tags.STAGE, detections.STAGE, selected.STAGE)
+LINKED = (linked_objects.STAGE, linked_labels.STAGE)
 FRONT_ENDS = {
     "embedded": (segments.STAGE, features.STAGE, embedded_objects.STAGE, embedded_labels.STAGE),
-    "imported": (proposals.STAGE, given_objects.STAGE, given_labels.STAGE),
+    "imported": (imported.STAGE, *LINKED),
+    "network": (*NETWORKS, *LINKED),
+    "tracked": (*NETWORKS, tracks.STAGE, tracked_objects.STAGE, tracked_labels.STAGE),
 }
 RESIDUALS = (statistics.STAGE, residuals.STAGE)
 AFFINITIES = {
@@ -45,8 +57,11 @@ GRAPHS: dict[str, Graph] = {
 
 
 def graph_of(settings: Settings) -> str:
-    """The name of the graph that settled settings ask for."""
-    return f"{settings.proposals.source}-{'flow' if settings.affinity.cues == 'flow' else 'epipolar'}"
+    """The name of the graph that settled settings ask for: masks of every frame are linked, of some frames tracked."""
+    front: str = settings.proposals.source
+    if front == "network" and (settings.proposals.span != 1 or settings.tracking.source != "flow"):
+        front = "tracked"
+    return f"{front}-{'flow' if settings.affinity.cues == 'flow' else 'epipolar'}"
 
 
 def names() -> list[str]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from zsmoseg.proposals.given.propagate import Flow, Label, here, look_up, step
+from zsmoseg.tracking.carrying import Flow, Label, here, look_up, step
+from zsmoseg.tracking.matching import matched, overlaps
 
 Ids = NDArray[np.int64]
 
@@ -17,9 +17,9 @@ Ids = NDArray[np.int64]
 class Linking:
     """When a mask is an object that is known."""
 
-    link_overlap: float
+    overlap: float
     """Intersection over union with the propagated object from which a mask is that object."""
-    link_gap: int
+    gap: int
     """Frames with masks that an object may be missing from."""
 
 
@@ -67,7 +67,7 @@ class Linker:
         objects[fresh] = self.last + 1 + np.arange(int(fresh.sum()))
         self.last += int(fresh.sum())
         missed = {int(n): self.missed[int(n)] + 1 for n in alive if n not in objects}
-        self.missed = {n: m for n, m in missed.items() if m <= self.linking.link_gap}
+        self.missed = {n: m for n, m in missed.items() if m <= self.linking.gap}
         self.missed |= dict.fromkeys(objects.tolist(), 0)
         kept = np.where(np.isin(self.label, list(self.missed)), self.label, 0)
         self.label = np.where(place > 0, np.append(0, objects)[place], kept).astype(np.uint16)
@@ -75,8 +75,6 @@ class Linker:
 
     def _match(self, place: Ids, count: int, alive: Ids) -> Ids:
         """The living object of each mask: the assignment of the largest sum of overlaps.
-
-        Source: Kuhn, "The Hungarian method for the assignment problem", Naval Research Logistics Quarterly 1955.
 
         Parameters
         ----------
@@ -93,12 +91,6 @@ class Linker:
         """
         column = np.zeros(self.last + 1, np.int64)
         column[alive] = np.arange(1, len(alive) + 1)
-        code = place * (len(alive) + 1) + column[self.label]
-        both = np.bincount(code.ravel(), minlength=(count + 1) * (len(alive) + 1)).reshape(count + 1, -1)
-        union = both.sum(1)[1:, None] + both.sum(0)[None, 1:] - both[1:, 1:]
-        share = both[1:, 1:] / np.maximum(union, 1)
-        rows, columns = linear_sum_assignment(-share)
-        objects = np.zeros(count, np.int64)
-        good = share[rows, columns] >= self.linking.link_overlap
-        objects[rows[good]] = alive[columns[good]]
-        return objects
+        both, union = overlaps(place, column[self.label], count, len(alive))
+        found = matched(both / np.maximum(union, 1), self.linking.overlap)
+        return np.append(alive, 0)[found]

@@ -1,1 +1,0 @@
-"""Masks from elsewhere: propagated to the frames without any, and linked to objects."""

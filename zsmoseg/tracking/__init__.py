@@ -1,0 +1,1 @@
+"""Masks followed through the frames: carried along the flow, linked to objects, or tracked, span by span."""

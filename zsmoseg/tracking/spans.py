@@ -1,0 +1,216 @@
+"""Objects through a shot, span by span: a tracker runs from each key frame into the next span, where it hands over.
+
+A key frame is one whose masks somebody proposes anew. A tracker starts with them, and the one of the span before runs
+on for some frames, so that its objects can be told among those of the new one. Source: the paper's front end, with our
+own rule for what nobody proposes again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zsmoseg.tracking.carrying import Label
+from zsmoseg.tracking.matching import Ids, matched, overlaps
+from zsmoseg.tracking.protocol import Factory, Frame, Step, Tracker
+
+FREE = 0.5
+"""Part of a carried object that no new mask covers; with less it is one of them, seen otherwise."""
+
+
+@dataclass(frozen=True)
+class Spans:
+    """How objects get from one span to the next."""
+
+    handover: int
+    """Frames, the key frame among them, in which the tracker of the span before runs beside the new one; >= 1."""
+    overlap: float
+    """Mean intersection over union in these frames from which two masks are one object."""
+    gap: int
+    """Key frames in a row that an object may be carried over without being proposed."""
+    carry: bool
+    """Whether an object that is not proposed again goes on while it is tracked."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A frame of the shot, and the masks that are proposed in it."""
+
+    step: Step
+    """The frame."""
+    masks: Label | None = None
+    """(H, W) mask of each pixel: 1 to K without gaps, 0 = none; not None makes it a key frame."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """The objects of one frame."""
+
+    label: Label
+    """(H, W) object of each pixel, 0 = none."""
+    masks: Ids | None
+    """(K) the object of each proposed mask of a key frame; None in the others."""
+
+
+@dataclass
+class _Span:
+    """A tracker at work."""
+
+    tracker: Tracker
+    objects: Ids
+    """(n + 1) the object of each of its numbers; 0 = it has ended."""
+    missed: Ids
+    """(n + 1) key frames in a row without a mask of it."""
+
+    def paint(self, label: Label) -> Label:
+        """(H, W) objects of the numbers of the tracker."""
+        return np.asarray(self.objects[label], np.uint16)
+
+
+@dataclass
+class _Handover:
+    """What two trackers say of the same frames."""
+
+    count: int
+    """Number of masks of the key frame."""
+    frames: list[Frame] = field(default_factory=list)
+    old: list[Label] = field(default_factory=list)
+    new: list[Label] = field(default_factory=list)
+
+    def shares(self, n: int) -> NDArray[np.float64]:
+        """(K, n) mean intersection over union over the frames in which either is."""
+        total = np.zeros((self.count, n))
+        seen = np.zeros((self.count, n), np.int64)
+        for new, old in zip(self.new, self.old, strict=True):
+            both, union = overlaps(new, old, self.count, n)
+            total += both / np.maximum(union, 1)
+            seen += union > 0
+        return total / np.maximum(seen, 1)
+
+
+def follow(moments: Iterable[Moment], factory: Factory, spans: Spans, last: int = 0) -> Iterator[Followed]:
+    """The objects of every frame of one shot, some frames late: a handover must end before its frames have objects.
+
+    Parameters
+    ----------
+    moments
+        All frames of the shot, in order.
+    factory
+        Makes the tracker of each span.
+    last
+        Number of the last object of the shots before: the first new one is the next.
+    """
+    return _Follower(factory, spans, last).run(moments)
+
+
+@dataclass
+class _Follower:
+    """What goes through a shot: the tracker of this span, and during a handover that of the next."""
+
+    factory: Factory
+    spans: Spans
+    last: int
+    now: _Span | None = None
+    coming: Tracker | None = None
+    between: _Handover | None = None
+
+    def run(self, moments: Iterable[Moment]) -> Iterator[Followed]:
+        """Frame by frame."""
+        for moment in moments:
+            if self.between is not None and moment.masks is not None:
+                yield from self._settle()
+            old = self.now.tracker.step(moment.step) if self.now is not None else None
+            if moment.masks is not None and moment.masks.any():
+                self.between = _Handover(int(moment.masks.max()))
+                self._both(moment, old, moment.masks)
+            elif self.coming is not None:
+                self._both(moment, old, self.coming.step(moment.step))
+            else:
+                yield self._single(moment, old)
+            if self.between is not None and len(self.between.frames) == self._length():
+                yield from self._settle()
+        if self.between is not None:
+            yield from self._settle(last=True)
+
+    def _length(self) -> int:
+        """Frames of a handover: where no tracker hands over, one is enough."""
+        return self.spans.handover if self.now is not None else 1
+
+    def _both(self, moment: Moment, old: Label | None, new: Label) -> None:
+        """One frame of the handover; its tracker starts with the second one, for the masks of the first are given."""
+        assert self.between is not None
+        between = self.between
+        between.frames.append(moment.step.frame)
+        between.old.append(np.zeros_like(new) if old is None else old)
+        between.new.append(new)
+        if moment.masks is not None and self._length() > 1:
+            self.coming = self.factory()
+            self.coming.start(moment.step.frame, new)
+
+    def _single(self, moment: Moment, old: Label | None) -> Followed:
+        """A frame that one tracker sees, or none."""
+        empty = moment.masks is not None
+        if self.now is not None and empty:
+            self.now.missed += 1
+            self.now.objects[self.now.missed > (self.spans.gap if self.spans.carry else 0)] = 0
+            if not self.now.objects.any():
+                self.now = None
+        shape = moment.step.frame.shape[:2]
+        label = np.zeros(shape, np.uint16) if old is None or self.now is None else self.now.paint(old)
+        return Followed(label, np.zeros(0, np.int64) if empty else None)
+
+    def _settle(self, last: bool = False) -> Iterator[Followed]:
+        """Match, give numbers, let go on what is carried; then all frames of the handover are known."""
+        between, before = self.between, self.now
+        assert between is not None
+        none = np.zeros(1, np.int64)
+        known, missed = (none, none) if before is None else (before.objects, before.missed)
+        alive = np.flatnonzero(known)
+        found = np.append(alive, 0)[matched(between.shares(len(known) - 1)[:, alive - 1], self.spans.overlap)]
+        objects = known[found]
+        fresh = objects == 0
+        objects[fresh] = self.last + 1 + np.arange(int(fresh.sum()))
+        self.last += int(fresh.sum())
+        carried = self._carried(np.setdiff1d(alive, found), missed)
+        label = _with(between.new[-1], between.old[-1], carried, between.count)
+        tracker = self.coming or self.factory()
+        if not last:
+            self._hand_over(tracker, label, bool(len(carried)))
+        self.now = _Span(
+            tracker,
+            np.concatenate([none, objects, known[carried]]),
+            np.concatenate([none, np.zeros(between.count, np.int64), missed[carried] + 1]),
+        )
+        self.coming = self.between = None
+        for k, (new, old) in enumerate(zip(between.new, between.old, strict=True)):
+            shown = self.now.paint(_with(new, old, carried, between.count))
+            yield Followed(shown, objects if k == 0 else None)
+
+    def _carried(self, lost: Ids, missed: Ids) -> Ids:
+        """Those of the numbers that go on: still tracked, mostly outside of the new masks, and not for too long."""
+        assert self.between is not None
+        if not self.spans.carry:
+            return lost[:0]
+        old, new = self.between.old[-1], self.between.new[-1]
+        whole = np.bincount(old.ravel(), minlength=len(missed))[lost]
+        free = np.bincount(old[new == 0], minlength=len(missed))[lost]
+        return np.asarray(lost[(free > 0) & (free >= FREE * whole) & (missed[lost] < self.spans.gap)])
+
+    def _hand_over(self, tracker: Tracker, label: Label, more: bool) -> None:
+        """The new tracker has all objects that go on."""
+        assert self.between is not None
+        frame = self.between.frames[-1]
+        if self.coming is None:
+            tracker.start(frame, label)
+        elif more:
+            tracker.add(frame, label)
+
+
+def _with(new: Label, old: Label, carried: Ids, count: int) -> Label:
+    """The new masks, and behind them the objects that are carried on as ``count + 1`` and so on."""
+    table = np.zeros(int(max(old.max(initial=0), carried.max(initial=0))) + 1, np.uint16)
+    table[carried] = count + 1 + np.arange(len(carried), dtype=np.uint16)
+    return np.where(new > 0, new, table[old]).astype(np.uint16)
