@@ -308,11 +308,12 @@ def write_contract(folder: Path, content: Mapping[str, Any]) -> Path:
 
 
 def _measured(folder: Path, graph: Mapping[str, Any]) -> dict[str, Any]:
-    beside = [_sized(folder, name) for name in external_files(folder / graph["file"])]
-    return {**graph, **_sized(folder, graph["file"]), "data": beside or None}
+    beside = [sized(folder, name) for name in external_files(folder / graph["file"])]
+    return {**graph, **sized(folder, graph["file"]), "data": beside or None}
 
 
-def _sized(folder: Path, name: str) -> dict[str, Any]:
+def sized(folder: Path, name: str) -> dict[str, Any]:
+    """Name, digest and bytes of a file in a folder, as contracts name files."""
     with (folder / name).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"file": name, "sha256": digest, "bytes": (folder / name).stat().st_size}

@@ -6,18 +6,21 @@ coefficients; the tensors are those of the YOLOv8 family.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from zsmoseg.errors import ModelError
+from zsmoseg.networks.batches import run_frames
 from zsmoseg.networks.boxes import suppress
 from zsmoseg.networks.categories import COCO
-from zsmoseg.networks.contract import MAIN, NAME, Contract, Table
-from zsmoseg.networks.image import Frame, Geometry, prepare
+from zsmoseg.networks.contract import NAME, Contract, Table
+from zsmoseg.networks.image import Frame, Geometry
 from zsmoseg.networks.session import Network
 
 
@@ -59,37 +62,46 @@ def categories_of(contract: Contract) -> list[str]:
     return list(COCO) if named == "coco" else list(named or [])
 
 
-def network_instances(network: Network, frame: Frame) -> Raw:
-    """The candidates of a frame (H, W, 3), blue green red.
+def network_instances(network: Network, frames: Iterable[Frame], most: int = 1) -> Iterator[Raw]:
+    """The candidates of frames (H, W, 3), blue green red, best first.
+
+    Parameters
+    ----------
+    most
+        Frames at once (``run_frames``).
 
     Raises
     ------
     ModelError
         The tensors have not the shapes of boxes, scores and coefficients.
     """
-    rules = network.contract.extra("instances", Instances)
-    tensor, where = prepare(frame, network.contract.image)
-    found = network.run(MAIN, {"image": tensor}, ["predictions", "prototypes"])
-    rows, prototypes = found["predictions"][0].T, found["prototypes"][0]
-    names, classes = categories_of(network.contract), rows.shape[1] - 4 - len(prototypes)
+    for outputs, where in run_frames(network, frames, ["predictions", "prototypes"], most):
+        yield _candidates(network.contract, outputs["predictions"][0].T, outputs["prototypes"][0], where)
+
+
+def _candidates(
+    contract: Contract, rows: NDArray[np.float32], prototypes: NDArray[np.float32], where: Geometry
+) -> Raw:
+    """Of one frame; rows (n, 4 + categories + coefficients)."""
+    rules = contract.extra("instances", Instances)
+    names, classes = categories_of(contract), rows.shape[1] - 4 - len(prototypes)
     if classes < 1 or (names and len(names) != classes):
         raise ModelError(
-            f"{network.contract.folder / NAME}: predictions have {rows.shape[1]} numbers a candidate, 4 of a box and "
+            f"{contract.folder / NAME}: predictions have {rows.shape[1]} numbers a candidate, 4 of a box and "
             f"{len(prototypes)} coefficients among them, which leaves {classes} categories; it names {len(names)}"
         )
     score = rows[:, 4 : 4 + classes]
     if rules.scores == "logits":
-        score = 1 / (1 + np.exp(-score))
+        score = expit(score)
     best = score.max(1)
     some = np.flatnonzero(best > rules.floor)
     corners = _corners(rows[some, :4], rules.boxes)
     kept = suppress(corners, best[some], rules.overlap)[: rules.most]
     some, corners = some[kept], corners[kept]
-    masks = [
-        _mask(row[4 + classes :], prototypes, box, where)
-        for row, box in zip(rows[some], corners, strict=True)
-    ]
+    flat = rows[some, 4 + classes :] @ prototypes.reshape(len(prototypes), -1)
+    logits = flat.reshape(-1, *prototypes.shape[1:])
     box = np.clip(where.boxes_out(corners), 0, np.tile(where.original[::-1], 2)).astype(np.float32)
+    masks = [_mask(one, corners, where) for one, corners in zip(logits, box, strict=True)]
     return Raw(box, np.ascontiguousarray(score[some]), masks)
 
 
@@ -101,16 +113,22 @@ def _corners(boxes: NDArray[np.float32], kind: str) -> NDArray[np.float32]:
     return np.concatenate([boxes[:, :2] - half, boxes[:, :2] + half], 1)
 
 
-def _mask(
-    coefficients: NDArray[np.float32], prototypes: NDArray[np.float32], box: NDArray[Any], where: Geometry
-) -> NDArray[np.bool_]:
-    """(H, W): logits at the size of the canvas, nothing outside the box, cut to the frame, then > 0.
+def _mask(logits: NDArray[np.float32], box: NDArray[Any], where: Geometry) -> NDArray[np.bool_]:
+    """(H, W): logits of the coarse grid at the pixels of the frame within the box (4) of it, then > 0.
 
-    Upsampled as logits: a mask that is cut first has the stairs of the coarse grid.
+    Upsampled as logits: a mask that is cut first has the stairs of the coarse grid. In one step, grid to frame, and
+    only where the box is: most boxes are small, and this is most of what a frame costs beside the network.
     """
-    logits = np.tensordot(coefficients, prototypes, 1)
-    full = cv2.resize(logits, where.canvas[::-1], interpolation=cv2.INTER_LINEAR)
-    x0, y0, x1, y1 = np.clip(np.rint(box), 0, np.tile(where.canvas[::-1], 2)).astype(int)
-    inside = np.full_like(full, -1.0)
-    inside[y0:y1, x0:x1] = full[y0:y1, x0:x1]
-    return np.asarray(where.map_out(inside) > 0)
+    mask = np.zeros(where.original, np.bool_)
+    x0, y0, x1, y1 = (int(n) for n in np.rint(box))
+    if x1 <= x0 or y1 <= y0:
+        return mask
+    grid = np.array([logits.shape[1] / where.canvas[1], logits.shape[0] / where.canvas[0]])
+    scale = np.array(where.scale) * grid
+    # the centre of pixel x of the frame lies at (x + 1/2) scale + left on the canvas, and grids have half pixels too
+    shift = (np.array([x0, y0]) + 0.5) * scale + np.array([where.left, where.top]) * grid - 0.5
+    to_grid = np.array([[scale[0], 0, shift[0]], [0, scale[1], shift[1]]])
+    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    part = cv2.warpAffine(logits, to_grid, (x1 - x0, y1 - y0), flags=how, borderMode=cv2.BORDER_REPLICATE)
+    mask[y0:y1, x0:x1] = part > 0
+    return mask
