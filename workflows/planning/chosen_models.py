@@ -48,9 +48,9 @@ def with_models(settings: Settings) -> Settings:
     for section, name, model in named(settings):
         contracts[section, name] = contract = _contract(section, name, model, settings)
         update.setdefault(section, {})[name] = pinned(contract)
-    if settings.proposals.source == "network" and settings.proposals.span == "auto":
+    if settings.proposals.source == "network" and settings.looks.span == "auto":
         alone = contracts.get(("proposals", "model"))
-        update.setdefault("proposals", {})["span"] = 1 if alone and alone.task == "instance-masks" else SPAN
+        update.setdefault("looks", {})["span"] = 1 if alone and alone.task == "instance-masks" else SPAN
     sections = {name: getattr(settings, name).model_copy(update=values) for name, values in update.items()}
     return settings.model_copy(update=sections)
 
@@ -94,5 +94,7 @@ def _refuse_unnamed(settings: Settings) -> None:
         raise SettingsError(
             "proposals.model is one network alone; leave it out, or proposals.boxes and .masks"
         )
+    if p.model and (settings.tags.model or settings.tags.prompt):
+        raise SettingsError("tags are for proposals.boxes; proposals.model names what it was trained on")
     if p.boxes and not (settings.tags.model or settings.tags.prompt):
         raise SettingsError('proposals.boxes needs words: --prompt "person, dog", or tags.model=NAME')
