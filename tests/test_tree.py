@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from zsmoseg.painting.palette import encode_png
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import IDS_OF, TIMES, fields_of, tables_of
 from zsmoseg.workflows.result import Result
+from zsmoseg.workflows.stage import Stage
 from zsmoseg.workflows.stages.graph import GRAPHS
 
 CUT = 6
@@ -69,7 +70,9 @@ def test_every_array_that_any_stage_leaves_is_in_the_tree_with_its_dims(
     assert {stage.name for stage in stages} == set(tree.children) == set(left)
     for stage in stages:
         assert stage.leaves is not None
-        there = {name: field for name, field in fields_of(stage.leaves).items() if name in expected(stage, graph)}
+        there = {
+            name: field for name, field in fields_of(stage.leaves).items() if name in expected(stage, graph)
+        }
         for name, field in there.items():
             array = tree[f"{stage.name}/{name}"]
             assert array.dims == field.dims, f"{stage.name}/{name}"
