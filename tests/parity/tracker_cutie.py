@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import torch
 from cutie.inference.inference_core import InferenceCore
-from tracker_frames import SIZES, frames_of, seed
 from omegaconf import OmegaConf
+from tracker_frames import SIZES, frames_of, seed
 
 from zsmoseg.networks.contract import load_contract
 from zsmoseg.networks.export.cutie import cutie, write_cutie
