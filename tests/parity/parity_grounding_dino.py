@@ -27,6 +27,7 @@ WORDS = ("dog", "teddy bear", "Red Car", "grass", "a person's hat", "swimming-po
 
 def tiny(folder: Path, vocabulary: Path) -> object:
     """A model of transformers as small as its shape allows, saved as users have it."""
+    import torch
     from transformers import BertConfig, GroundingDinoConfig, GroundingDinoForObjectDetection, SwinConfig
 
     swin = SwinConfig(
@@ -38,6 +39,7 @@ def tiny(folder: Path, vocabulary: Path) -> object:
         backbone_config=swin, text_config=bert, d_model=32, num_queries=60, encoder_layers=2, decoder_layers=2,
         encoder_ffn_dim=64, decoder_ffn_dim=64, encoder_attention_heads=2, decoder_attention_heads=2,
     )  # fmt: skip
+    torch.manual_seed(0)
     model = shaken(GroundingDinoForObjectDetection(config), scale=0.5)
     model.save_pretrained(folder)
     (folder / "vocab.txt").write_bytes(vocabulary.read_bytes())
