@@ -37,8 +37,8 @@ def main() -> None:
             check=True,
         )
         script = (
-            "import sys; sys.path.insert(0, sys.argv[1]); import zsmoseg, zsmoseg.workflows.stages.graph as s, zsmoseg.workflows.cli, zsmoseg.workflows.export.registry; "
-            "assert zsmoseg.__file__.startswith(sys.argv[1]); print(len(s.names()), 'stages')"
+            "import sys; sys.path.insert(0, sys.argv[1]); import zsmoseg, zsmoseg.workflows.stages.graph as s, zsmoseg.workflows.cli, zsmoseg.workflows.export.registry, zsmoseg.workflows.models.catalogue as m; "
+            "assert zsmoseg.__file__.startswith(sys.argv[1]); assert 'raft' in m.entries(); print(len(s.names()), 'stages', len(m.entries()), 'models')"
         )
         subprocess.run([sys.executable, "-I", "-c", script, str(site)], check=True, cwd=folder)
     print("wheel ok")

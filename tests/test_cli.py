@@ -164,7 +164,7 @@ def test_an_unknown_preset_stage_or_config(
     done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     clip = str(done / "disc")
-    assert "preset 'best' is unknown; there are default, paper-core" in refused(
+    assert "preset 'best' is unknown; there are embedded, paper-core, paper, permissive" in refused(
         ["run", clip, "--preset", "best"], capsys
     )
     out = ["-o", str(tmp_path / "out")]

@@ -20,8 +20,8 @@ from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import dry_run
 from zsmoseg.workflows.stages.cues.depth import Depth
 from zsmoseg.workflows.stages.cues.flow import Flow
-from zsmoseg.workflows.stages.given.objects import GivenObjects
-from zsmoseg.workflows.stages.given.proposals import Proposals
+from zsmoseg.workflows.stages.proposed.objects import MaskObjects
+from zsmoseg.workflows.stages.proposed.proposals import Proposals
 
 FRAMES = 8
 
@@ -211,8 +211,8 @@ def test_a_cropped_range_uses_the_masks_of_its_frames(
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"proposals.kind": "masks", "proposals.link_overlap": 0.9}, "proposals.link_overlap: 0.3 -> 0.9"),
-        ({"proposals.kind": "masks", "proposals.link_gap": 1}, "proposals.link_gap: 3 -> 1"),
+        ({"proposals.kind": "masks", "linking.overlap": 0.9}, "linking.overlap: 0.3 -> 0.9"),
+        ({"proposals.kind": "masks", "linking.gap": 1}, "linking.gap: 3 -> 1"),
         ({"proposals.kind": "masks"}, "proposals.kind: ids -> masks"),
     ],
 )
@@ -231,10 +231,10 @@ def test_every_setting_of_imports_changes_the_objects(
     assert words in "\n".join(
         dry_run(Request([str(brought / "disc")], tmp_path / "out", tmp_path / "store", settings))
     )
-    old = GivenObjects.read(result_of(before, tmp_path).artifact("objects"))
+    old = MaskObjects.read(result_of(before, tmp_path).artifact("objects"))
     after, counter = segment(brought / "disc", tmp_path, {**start, **change})
     assert "objects" in counter.stages
-    now = GivenObjects.read(result_of(after, tmp_path).artifact("objects"))
+    now = MaskObjects.read(result_of(after, tmp_path).artifact("objects"))
     assert old.object_of.tolist() != now.object_of.tolist()
 
 

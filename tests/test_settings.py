@@ -110,7 +110,7 @@ def test_the_science_reads_every_setting_of_a_section_but_what_stages_read(
     names = set(type(getattr(resolve(), section)).model_fields)
     read = set().union(*map(leaves, kinds))
     assert read <= names
-    assert names - read <= {"fingerprint", "source", "path", "cues", "fusion", "columns"}
+    assert names - read <= {"fingerprint", "source", "path", "model", "cues", "fusion", "columns"}
 
 
 def test_sections_are_sections() -> None:

@@ -60,7 +60,7 @@ def test_frames_between_take_the_nearest_known_one_of_their_shot() -> None:
 
 
 def test_masks_in_any_order_are_linked_to_their_objects_along_the_flow() -> None:
-    linker = Linker(Linking(link_overlap=0.3, link_gap=3))
+    linker = Linker(Linking(overlap=0.3, gap=3))
     linker.start((60, 80))
     seen = []
     for t in range(6):
@@ -79,7 +79,7 @@ def test_masks_in_any_order_are_linked_to_their_objects_along_the_flow() -> None
 def test_an_object_that_misses_its_mask_is_found_again_but_not_after_the_gap() -> None:
     mask, none = square(20, 20), np.zeros((60, 80), np.uint16)
     for missing, expected in ((3, 1), (4, 2)):
-        linker = Linker(Linking(link_overlap=0.3, link_gap=3))
+        linker = Linker(Linking(overlap=0.3, gap=3))
         linker.start((60, 80))
         linker.see(mask, np.array([1]))
         for _ in range(missing):
@@ -90,7 +90,7 @@ def test_an_object_that_misses_its_mask_is_found_again_but_not_after_the_gap() -
 
 
 def test_numbers_of_masks_may_have_gaps() -> None:
-    linker = Linker(Linking(link_overlap=0.3, link_gap=3))
+    linker = Linker(Linking(overlap=0.3, gap=3))
     linker.start((60, 80))
     mask = square(5, 5) * 7 + square(40, 30) * 3
     assert linker.see(mask.astype(np.uint16), np.array([3, 7])).tolist() == [1, 2]

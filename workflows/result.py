@@ -19,9 +19,9 @@ from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.stages.front_end import Labels
-from zsmoseg.workflows.stages.given.objects import GivenObjects
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
+from zsmoseg.workflows.stages.proposed.objects import MaskObjects, object_names
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +43,7 @@ def segment(
     *,
     out: str | Path = "zsmoseg-out",
     store: str | Path = "zsmoseg-store",
-    preset: str = "default",
+    preset: str = "embedded",
     settings: dict[str, Any] | None = None,
     scheduler: Any = "serial",
 ) -> Result:
@@ -138,11 +138,16 @@ class Result:
         return Labels.read(self.artifact("labels"))
 
     @property
+    def categories(self) -> list[str]:
+        """What networks call each object, empty where they have no word for it; no list where nothing is named."""
+        return object_names(self.artifact("objects")) if "detections" in self.keys else []
+
+    @property
     def objects(self) -> pd.DataFrame:
         """One row an object: object, group, instance, frames, area, excess (px), tolerance (px), world, visibility.
 
         ``world`` is the affinity with the static world, tolerance / (tolerance + excess): one half = at the tolerance.
-        Of imported masks with ids also ``origin``, the id in the files.
+        Of proposed masks also ``origin``, the id in the files, and ``category`` where a network named them.
         """
         import pandas as pd
 
@@ -150,7 +155,9 @@ class Result:
         columns = {name: getattr(groups, name) for name in COLUMNS}
         columns["visibility"] = self.affinity.visibility
         if "proposals" in self.keys:
-            columns["origin"] = GivenObjects.read(self.artifact("objects")).origin
+            columns["origin"] = MaskObjects.read(self.artifact("objects")).origin
+            if self.categories:
+                columns["category"] = np.array(self.categories)
         return pd.DataFrame({name: column[groups.area > 0] for name, column in columns.items()})
 
     def moving(self) -> NDArray[np.bool_]:

@@ -7,7 +7,8 @@ settings that it reads (``Sections``), its task, and ``STAGE``. A task gets noth
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,9 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
+from zsmoseg.errors import NetworkError
+from zsmoseg.networks.session import Network, open_network
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import LABELS, Grid, videos_of
 from zsmoseg.stores.schema import ArraySpec
+from zsmoseg.video.frames import read
 from zsmoseg.video.ignore import read_ignore
 from zsmoseg.video.probe import Probe
 
@@ -42,6 +46,10 @@ class Part:
         The output folder, for stages that leave files.
     facts
         What the task notes for the record, JSON types.
+    networks
+        Where networks run, and with how many threads.
+    opened
+        The networks that were used, and the seconds that opening had cost them before.
     """
 
     probe: Probe
@@ -49,6 +57,8 @@ class Part:
     stop: int
     out: Path = Path()
     facts: dict[str, Any] = field(default_factory=dict)
+    networks: settings.Networks = field(default_factory=settings.Networks)
+    opened: dict[str, tuple[Network, float]] = field(default_factory=dict, repr=False)
 
     @property
     def frames(self) -> int:
@@ -64,6 +74,34 @@ class Part:
     def displayed(self) -> tuple[int, int]:
         """Height and width of the frames as displayed."""
         return self.probe.height, self.probe.width
+
+    def read(self, frame: int) -> NDArray[np.uint8]:
+        """One frame as displayed: (H, W, 3) blue green red."""
+        return next(read(self.probe, frame, frame + 1))
+
+    @property
+    def batch(self) -> int:
+        """Frames that a network may take at once."""
+        return self.networks.batch
+
+    def network(self, reference: str) -> Network:
+        """The network of a pinned reference: one of each in a process, opened when it first runs."""
+        network = open_network(reference, self.networks.provider, max(self.networks.threads, 1))
+        self.opened.setdefault(reference, (network, network.warm_up))
+        return network
+
+    @property
+    def warm_up(self) -> float:
+        """Seconds that went into opening networks: no part of what a frame takes."""
+        return sum(network.warm_up - before for network, before in self.opened.values())
+
+    @contextmanager
+    def at_frame(self, frame: int) -> Iterator[None]:
+        """Around the run of a network: what fails names the frame."""
+        try:
+            yield
+        except NetworkError as error:
+            raise type(error)(f"frame {self.probe.names[frame]}: {error}") from error
 
 
 def ignored(section: settings.Ignore, height: int, width: int) -> NDArray[np.bool_] | None:
@@ -97,6 +135,8 @@ class Stage(Generic[I, S]):
         Names of the files that it leaves for frames start to stop, for (probe, start, stop, sections).
     labels
         Labels of dimensions that depend on the settings.
+    span
+        Frames that belong together: a part holds whole spans.
     nothing
         Whether it leaves no array with these settings.
     cost
@@ -113,6 +153,7 @@ class Stage(Generic[I, S]):
     scope: Literal["chunk", "video"] = "chunk"
     files: Callable[[Probe, int, int, S], list[str]] | None = None
     labels: Callable[[S], Mapping[str, Sequence[str]]] = lambda sections: {}
+    span: Callable[[S], int] = lambda sections: 1
     nothing: Callable[[S], bool] = lambda sections: False
     cost: tuple[float, float] = (0.0, 0.0)
 

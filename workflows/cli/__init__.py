@@ -18,6 +18,7 @@ COMMANDS = {
     "import": "bring masks, flow or depth that you already have into a store",
     "export": "the result for other tools: masks, tracks, cues",
     "evaluate": "score masks against the truth of a dataset, as the official evaluators do",
+    "models": "the networks: what there is, how to get it, whether it is whole",
     "ablate": "one setting after the other over one set of cached cues, scored",
     "status": "what the store holds of each video",
     "explain": "why each object was called moving or static",

@@ -75,7 +75,8 @@ def _setting(result: Result, stage: str, name: str) -> Any:
 
 def sentence(row: dict[str, Any], frames_moving: int, rule: str, visible: float) -> str:
     """The evidence for one object in words; ``rule`` and ``visible`` are the settings it was grouped with."""
-    seen = f"object {row['object']}: seen in {row['frames']} frames, {row['area']} pixels in all"
+    called = f" ({row['category']})" if row.get("category") else ""
+    seen = f"object {row['object']}{called}: seen in {row['frames']} frames, {row['area']} pixels in all"
     answer = (
         f"group {row['group']}, instance {row['instance']}, moving in {frames_moving} frames"
         if row["group"]

@@ -76,7 +76,7 @@ def _found(plan: VideoPlan, kind: str) -> str:
     assert artifact is not None
     if kind != "proposals":
         return ""
-    from zsmoseg.workflows.stages.given.proposals import Proposals
+    from zsmoseg.workflows.stages.proposed.proposals import Proposals
 
     records = [artifact.part(part) for part in range(len(artifact.parts))]
     known = int(Proposals.read(artifact).known.sum())

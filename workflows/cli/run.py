@@ -32,9 +32,11 @@ def setting_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "--preset",
-        default="default",
-        help="default, or paper-core: the paper to the letter from proposals on",
+        default="embedded",
+        help="embedded; paper: its networks and its rule to the letter; paper-core: the rule alone; permissive: networks "
+        "whose weights may be used commercially, our rule",
     )
+    add("--prompt", metavar="WORDS", help='what to look for instead of tags: "person, dog" (tags.prompt)')
     add("--set", action="append", default=[], metavar="KEY=VALUE", help="one setting; see zsmoseg settings")
     add("--config", type=Path, metavar="FILE", help="settings in TOML")
 
@@ -87,6 +89,7 @@ def overrides(options: argparse.Namespace) -> dict[str, Any]:
     given = dict(parse_override(text) for text in options.set)
     named = {
         "groups.count": "groups",
+        "tags.prompt": "prompt",
         "video.start": "start",
         "video.end": "end",
         "video.every": "every",

@@ -11,7 +11,7 @@ from zsmoseg.formats.npy import write_volume
 from zsmoseg.formats.ytvis import encode_ytvis
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.stores import files
-from zsmoseg.workflows.export.painting import image_names, number_tables, painted
+from zsmoseg.workflows.export.painting import image_names, names_of_ids, number_tables, painted
 from zsmoseg.workflows.export.registry import Choice
 from zsmoseg.workflows.result import Result
 
@@ -32,18 +32,21 @@ def write_npz(result: Result, path: Path, choice: Choice) -> None:
 def write_coco(result: Result, path: Path, choice: Choice) -> None:
     """COCO JSON; an id is a ``track_id``."""
     size = result.probe.height, result.probe.width
-    files.write(path, encode_coco(image_names(result, True), painted(result, choice.what, choice.when), size))
+    ids = painted(result, choice.what, choice.when)
+    files.write(path, encode_coco(image_names(result, True), ids, size, names_of_ids(result, choice.what)))
 
 
 def write_ytvis(result: Result, path: Path, choice: Choice) -> None:
     """YouTube-VIS JSON; an id is that of a track."""
     size, names = (result.probe.height, result.probe.width), image_names(result, True)
-    files.write(path, encode_ytvis(result.name, names, painted(result, choice.what, choice.when), size))
+    ids, called = painted(result, choice.what, choice.when), names_of_ids(result, choice.what)
+    files.write(path, encode_ytvis(result.name, names, ids, size, called))
 
 
 def write_mots(result: Result, path: Path, choice: Choice) -> None:
     """MOTS text."""
-    files.write(path, encode_mots(painted(result, choice.what, choice.when)))
+    ids = painted(result, choice.what, choice.when)
+    files.write(path, encode_mots(ids, names_of_ids(result, choice.what)))
 
 
 def check_mots(result: Result, choice: Choice) -> None:

@@ -37,6 +37,17 @@ def painted(result: Result, what: str, when: Literal["ever", "now"]) -> Iterator
             yield table[label]
 
 
+def names_of_ids(result: Result, what: str) -> dict[int, str]:
+    """What networks call each id: the name of its largest object; ids without a name are left out."""
+    found = result.groups
+    number = {"group": found.group, "instance": found.instance}.get(what, np.arange(len(found.group)))
+    names: dict[int, str] = {}
+    for n in np.argsort(found.area, kind="stable"):
+        if result.categories and result.categories[n] and number[n]:
+            names[int(number[n])] = result.categories[n]
+    return names
+
+
 def image_names(result: Result, folder: bool = False) -> list[str]:
     """File names of the source's images, with their folder if wanted; of a video file's frames as PNG."""
     probe = result.probe

@@ -11,6 +11,7 @@ from zsmoseg.formats.names import find_for_video
 from zsmoseg.settings import Settings
 from zsmoseg.stores.location import Store
 from zsmoseg.workflows.imports.record import Brought, brought_before, fingerprint
+from zsmoseg.workflows.planning.chosen_models import with_models
 
 KINDS = {"proposals": "embedded", "flow": "dis", "depth": "constant"}
 """What can be brought, and what ``auto`` means without an import."""
@@ -35,11 +36,12 @@ def settle(
     update: dict[str, Any] = {}
     for kind, plain in KINDS.items():
         section = getattr(settings, kind)
-        found = _brought(section, kind, store, name, before.get(kind), alone)
+        named = bool(section.model or getattr(section, "boxes", ""))
+        found = None if named else _brought(section, kind, store, name, before.get(kind), alone)
         if found is None:
-            update[kind] = section.model_copy(
-                update={"source": plain if section.source == "auto" else section.source}
-            )
+            source = ("network" if named else plain) if section.source == "auto" else section.source
+            _refuse_both(kind, section, named, source)
+            update[kind] = section.model_copy(update={"source": source})
         else:
             brought[kind] = found
             told = {"kind": found.kind} if "kind" in type(section).model_fields else {}
@@ -50,7 +52,15 @@ def settle(
         )
     depth = update["depth"].source != "constant"
     update["motion"] = settings.motion.model_copy(update={"model": settings.motion.chosen(depth)})
-    return settings.model_copy(update=update), brought
+    return with_models(settings.model_copy(update=update)), brought
+
+
+def _refuse_both(kind: str, section: Any, named: bool, source: str) -> None:
+    """A network that is named beside another source: one of the two is not meant."""
+    if named and section.path:
+        raise SettingsError(f"{kind}.path and {kind}.model are given; leave one of them out")
+    if named and source != "network":
+        raise SettingsError(f"{kind}.model is given but {kind}.source = {source}; leave one of them out")
 
 
 def _brought(

@@ -9,10 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from zsmoseg.errors import SpaceError
+from zsmoseg.networks.contract import PIN, Contract, load_contract
 from zsmoseg.stores.location import Store
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
 
 REFERENCE = 480 * 854
+WORKER = 600e6
+"""Bytes of a worker without networks."""
 RESERVE = 64 * 2**20
 """Bytes of the disk that are left alone."""
 
@@ -82,6 +85,29 @@ def estimate_line(guess: Estimate) -> str:
     """The estimate in words."""
     kind = "measured here" if guess.measured else "typical figures"
     return f"estimate: {guess.seconds:.0f} s on one core, {guess.size / 1e6:.0f} MB on disk ({kind})"
+
+
+def models_of(plans: Sequence[VideoPlan]) -> set[str]:
+    """References of the networks that have something to do."""
+    return {model for plan in plans for stage in plan.stages.values() if stage.todo for model in stage.models}
+
+
+def fitting_workers(plans: Sequence[VideoPlan]) -> int | None:
+    """Workers of this machine whose networks fit into its memory together; None where none runs."""
+    models = models_of(plans)
+    if not models:
+        return None
+    import psutil
+
+    need = WORKER + max(_memory(load_contract(model.partition(PIN)[0])) for model in models)
+    return max(1, min(cores(None), int(psutil.virtual_memory().available // need)))
+
+
+def _memory(contract: Contract) -> float:
+    """Bytes that a network takes: as its contract says, else weights twice and as much for what runs through them."""
+    if contract.memory_mb is not None:
+        return contract.memory_mb * 1e6
+    return 4.0 * sum((contract.folder / file.file).stat().st_size for file in contract.files)
 
 
 def cores(workers: int | None) -> int:

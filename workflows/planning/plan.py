@@ -8,6 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from zsmoseg.errors import SettingsError
+from zsmoseg.networks.contract import PIN
 from zsmoseg.settings import Settings
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.checks import part_problem
@@ -51,6 +52,16 @@ class StagePlan:
             "settings": self.settings,
             "inputs": self.inputs,
         }
+
+    @property
+    def models(self) -> list[str]:
+        """References of the networks that it runs."""
+        return [
+            model
+            for name in self.stage.section_names
+            for model in getattr(self.given, name).models().values()
+            if PIN in model
+        ]
 
     @property
     def frames_todo(self) -> int:
@@ -173,7 +184,9 @@ def _plan_stage(plan: VideoPlan, store: Store, stage: Stage[Any, Any], settings:
         active[name]["imported"] = plan.brought[name].fingerprint
     key = artifact_key(FORMAT, stage.name, stage.version, active, inputs, plan.fingerprint)
     frames = len(plan.probe.times)
-    parts = [(0, frames)] if stage.scope == "video" else cut(frames, settings.chunk.length)
+    span = stage.span(stage.chosen(settings))
+    length = -(-settings.chunk.length // span) * span
+    parts = [(0, frames)] if stage.scope == "video" else cut(frames, length)
     dumped = {name: section.model_dump(mode="json") for name, section in sections.items()}
     artifact = None if stage.output else store.artifact(plan.video, stage.name, key)
     if artifact is not None and stage.scope == "chunk" and artifact.parts:

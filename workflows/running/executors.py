@@ -14,9 +14,20 @@ from zsmoseg.errors import SettingsError
 from zsmoseg.workflows.planning.estimate import cores
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
 
+GPU = "GPU"
+"""The resource of Dask workers with a GPU (``dask worker --resources GPU=1``): where some have it, networks run there."""
+
 
 class Executor(Protocol):
-    """Takes jobs with the names of the jobs before them; yields what became of each."""
+    """Takes jobs with the names of the jobs before them; yields what became of each.
+
+    Attributes
+    ----------
+    threads
+        That one task may use within a network.
+    """
+
+    threads: int
 
     def submit(self, job: Job, before: Sequence[str], priority: int) -> None:
         """Queue a job behind those named in ``before``."""
@@ -37,6 +48,7 @@ class Serial:
     """A loop in this process; Dask is not imported."""
 
     def __init__(self) -> None:
+        self.threads = cores(None)
         self._queue: deque[tuple[Job, Sequence[str]]] = deque()
         self._outcomes: dict[str, Outcome] = {}
 
@@ -79,6 +91,9 @@ class Dask:
         self._cluster: Any = None
         self._client: Any = None
         self._run = os.urandom(4).hex()
+        self._gpu = False
+        # workers of others have a thread a task; ours share the cores of this machine
+        self.threads = max(1, cores(None) // cores(workers)) if where == "local" else 1
 
     def __enter__(self) -> Self:
         from distributed import Client, as_completed
@@ -103,6 +118,8 @@ class Dask:
         else:
             self._client = self._where
         self._completed = as_completed([])
+        there = self._client.scheduler_info(n_workers=-1)["workers"].values()
+        self._gpu = any(GPU in worker["resources"] for worker in there)
         return self
 
     def submit(self, job: Job, before: Sequence[str], priority: int) -> None:
@@ -114,6 +131,7 @@ class Dask:
             key=f"{job.name}-{self._run}",
             priority=priority,
             pure=False,
+            resources={GPU: 1} if job.network and self._gpu else None,
         )
         self._futures[job.name] = future
         self._completed.add(future)

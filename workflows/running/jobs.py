@@ -8,7 +8,7 @@ import time
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """One part of one stage of one video; small, and can be pickled. ``frames`` is the key that holds the probe."""
+    """One part of one stage of one video; small, and can be pickled.
+
+    ``frames`` is the key that holds the probe, ``networks`` where networks run, ``network`` whether one may.
+    """
 
     store: str
     video: str
@@ -37,6 +40,8 @@ class Job:
     inputs: Mapping[str, str]
     out: str = ""
     graph: str = "embedded-flow"
+    networks: Mapping[str, Any] = field(default_factory=dict)
+    network: bool = False
 
     @property
     def name(self) -> str:
@@ -75,7 +80,7 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
 
 
 def _run(job: Job) -> Outcome:
-    from zsmoseg.settings import Settings
+    from zsmoseg.settings import Networks, Settings
     from zsmoseg.stores.checks import part_problem
     from zsmoseg.stores.files import full_disk_in_words
     from zsmoseg.stores.location import Store
@@ -88,7 +93,13 @@ def _run(job: Job) -> Outcome:
     stage, store = GRAPHS[job.graph][job.stage], Store.open(job.store, create=False)
     described = store.artifact(job.video, "frames", job.frames).description
     assert described is not None
-    part = Part(Probe.from_json(described["probe"]), job.start, job.stop, Path(job.out))
+    part = Part(
+        Probe.from_json(described["probe"]),
+        job.start,
+        job.stop,
+        Path(job.out),
+        networks=Networks.model_validate(dict(job.networks)),
+    )
     artifact = store.artifact(job.video, job.stage, job.key)
     if not stage.output and not part_problem(artifact, job.part):
         return Outcome("done", time.process_time() - clock, peak_memory_mb())
@@ -102,8 +113,10 @@ def _run(job: Job) -> Outcome:
     with PartWriter(artifact, job.part) as writer:
         for block in left:
             writer.put(block)
-        writer.facts = {**part.facts, "seconds": round(time.process_time() - clock, 4)}
-    return Outcome("done", time.process_time() - clock, peak_memory_mb())
+        seconds = time.process_time() - clock - part.warm_up
+        warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
+        writer.facts = {**part.facts, **warm_up, "seconds": round(seconds, 4)}
+    return Outcome("done", seconds, peak_memory_mb())
 
 
 def _inputs(job: Job, stage: Stage[Any, Any], store: Store) -> Any:

@@ -6,11 +6,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from zsmoseg.errors import StageError, ZsmosegError
+from zsmoseg.networks.session import chosen_provider
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import RunRecord
 from zsmoseg.video.probe import Excerpt, probe
 from zsmoseg.video.sources import sources, unique_names
-from zsmoseg.workflows.planning.estimate import estimate, estimate_line, refuse_full_disk
+from zsmoseg.workflows.planning.estimate import (
+    estimate,
+    estimate_line,
+    fitting_workers,
+    models_of,
+    refuse_full_disk,
+)
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan, plan_video
 from zsmoseg.workflows.running.artifacts import plans_record, prepare, seal_video
 from zsmoseg.workflows.running.executors import Executor, make_executor
@@ -79,6 +86,8 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     plans, failures = make_plans(request, store)
     guess = estimate(store, plans)
     refuse_full_disk(request.store, guess)
+    if request.scheduler in ("local", "serial") and any(models_of(plans)):
+        chosen_provider(request.settings.networks.provider)
     watcher.planned(plans, guess)
     report = Report(plans, failures=failures)
     for name, message in failures.items():
@@ -97,7 +106,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
             if not plan.todo:
                 _finish(plan, request, report, watcher)
         if busy:
-            with make_executor(scheduler, request.workers) as executor:
+            with make_executor(scheduler, request.workers or fitting_workers(busy)) as executor:
                 _drive(executor, busy, request, report, watcher)
         state = "failed" if report.failures else "done"
     finally:
@@ -120,7 +129,7 @@ def _drive(
         index, plan = next(waiting, (0, None))
         if plan is not None:
             videos = _Running(plan, {})
-            for job, before, priority in jobs(request, plan, index):
+            for job, before, priority in jobs(request, plan, index, executor.threads):
                 videos.left[job.name] = job
                 running[job.name] = videos
                 executor.submit(job, before, priority)
@@ -171,12 +180,16 @@ def _note(video: _Running, job: Job, outcome: Outcome, watcher: Watcher) -> None
     watcher.part(plan, job.stage, job.part, outcome)
 
 
-def jobs(request: Request, plan: VideoPlan, index: int) -> Iterator[tuple[Job, list[str], int]]:
+def jobs(
+    request: Request, plan: VideoPlan, index: int, threads: int = 1
+) -> Iterator[tuple[Job, list[str], int]]:
     """The jobs of a video in order, the names of those before each, and their priority.
 
-    Earlier videos first, later stages first within a video.
+    Earlier videos first, later stages first within a video. ``threads``: within a network, unless a setting says.
     """
     named: dict[tuple[str, int], str] = {}
+    networks = request.settings.networks.model_dump(mode="json")
+    networks["threads"] = networks["threads"] or threads
     for place, (name, stage) in enumerate(plan.stages.items()):
         for part in stage.todo:
             start, stop = stage.parts[part]
@@ -193,6 +206,8 @@ def jobs(request: Request, plan: VideoPlan, index: int) -> Iterator[tuple[Job, l
                 stage.inputs,
                 str(plan.output.path),
                 plan.graph,
+                networks,
+                bool(stage.models),
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]

@@ -16,6 +16,7 @@ from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
+from zsmoseg.workflows.stages.proposed.objects import object_names
 
 NAME = "summary.json"
 STATES = "motion.csv"
@@ -69,6 +70,8 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     assert record is not None
     found = Groups.read(artifact)
     group, area, frames = found.group, found.area, len(plan.probe.times)
+    described = plan.stages["objects"].artifact
+    names = object_names(described) if described is not None and "detections" in plan.stages else []
     moving, visibility = moving_objects(found, 0, frames), _read(plan, "affinity", Affinity).visibility
     return {
         "zsmoseg": __version__,
@@ -84,6 +87,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
         "evidence": [
             {
                 "object": int(n),
+                **({"category": names[n]} if names else {}),
                 "group": int(group[n]),
                 "instance": int(found.instance[n]),
                 "frames": int(found.frames[n]),

@@ -13,11 +13,19 @@ from zsmoseg.workflows.stages.cues import depth, flow, frames
 from zsmoseg.workflows.stages.embedded import features, segments
 from zsmoseg.workflows.stages.embedded import labels as embedded_labels
 from zsmoseg.workflows.stages.embedded import objects as embedded_objects
-from zsmoseg.workflows.stages.given import labels as given_labels
-from zsmoseg.workflows.stages.given import objects as given_objects
-from zsmoseg.workflows.stages.given import proposals
 from zsmoseg.workflows.stages.motion import affinity, epipolar, groups, residuals, statistics, trajectories
 from zsmoseg.workflows.stages.outputs import masks, overlay
+from zsmoseg.workflows.stages.proposed import (
+    detections,
+    imported,
+    selected,
+    tags,
+    tracked_labels,
+    tracked_objects,
+    tracks,
+)
+from zsmoseg.workflows.stages.proposed import labels as linked_labels
+from zsmoseg.workflows.stages.proposed import objects as linked_objects
 
 Graph = Mapping[str, Stage[Any, Any]]
 """Stages by name, in order."""
@@ -25,7 +33,15 @@ Graph = Mapping[str, Stage[Any, Any]]
 CUES = (frames.STAGE, flow.STAGE, depth.STAGE)
 FRONT_ENDS = {
     "embedded": (segments.STAGE, features.STAGE, embedded_objects.STAGE, embedded_labels.STAGE),
-    "imported": (proposals.STAGE, given_objects.STAGE, given_labels.STAGE),
+    "imported": (imported.STAGE, linked_objects.STAGE, linked_labels.STAGE),
+    "network": (
+        tags.STAGE,
+        detections.STAGE,
+        selected.STAGE,
+        tracks.STAGE,
+        tracked_objects.STAGE,
+        tracked_labels.STAGE,
+    ),
 }
 RESIDUALS = (statistics.STAGE, residuals.STAGE)
 AFFINITIES = {

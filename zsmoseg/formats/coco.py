@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -103,7 +104,12 @@ def _common_size(images: Sequence[Entry], path: Path) -> tuple[int, int]:
     return first[1]
 
 
-def encode_coco(names: Sequence[str], labels: Iterable[NDArray[Any]], size: tuple[int, int]) -> bytes:
+def encode_coco(
+    names: Sequence[str],
+    labels: Iterable[NDArray[Any]],
+    size: tuple[int, int],
+    called: Mapping[int, str] = MappingProxyType({}),
+) -> bytes:
     """COCO JSON of one video, read back by ``pycocotools.coco.COCO``.
 
     Parameters
@@ -111,8 +117,10 @@ def encode_coco(names: Sequence[str], labels: Iterable[NDArray[Any]], size: tupl
     names : file name of every image.
     labels : (H, W) ids of every frame, 0 = none; an id becomes the ``track_id`` of its annotations.
     size : (H, W).
+    called : category of each id that has one.
     """
     height, width = size
+    categories, numbers = categories_of_ids(called)
     annotations: list[Entry] = []
     for image, label in enumerate(labels, 1):
         for n in np.unique(label[label > 0]).tolist():
@@ -121,7 +129,7 @@ def encode_coco(names: Sequence[str], labels: Iterable[NDArray[Any]], size: tupl
                 {
                     "id": len(annotations) + 1,
                     "image_id": image,
-                    "category_id": 1,
+                    "category_id": numbers.get(n, 1),
                     "track_id": n,
                     "segmentation": mask,
                     "area": rle.area(mask),
@@ -133,11 +141,15 @@ def encode_coco(names: Sequence[str], labels: Iterable[NDArray[Any]], size: tupl
         {"id": image, "file_name": name, "height": height, "width": width}
         for image, name in enumerate(names, 1)
     ]
-    return dump({"images": images, "annotations": annotations, "categories": CATEGORIES})
+    return dump({"images": images, "annotations": annotations, "categories": categories})
 
 
-CATEGORIES = [{"id": 1, "name": "object", "supercategory": "object"}]
-"""One for all: what an object is is not known."""
+def categories_of_ids(called: Mapping[int, str]) -> tuple[list[Entry], dict[int, int]]:
+    """The list of categories, and the number that each id has in it; 1 is for all that nothing is known of."""
+    found = sorted(set(called.values()) - {"object"})
+    names = {"object": 1, **{name: number for number, name in enumerate(found, 2)}}
+    entries: list[Entry] = [{"id": k, "name": name, "supercategory": "object"} for name, k in names.items()]
+    return entries, {n: names[name] for n, name in called.items()}
 
 
 def dump(content: Entry) -> bytes:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -11,19 +12,22 @@ from numpy.typing import NDArray
 from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
 
-CLASS = 1
-"""Of every object: which it is is not known."""
+CLASSES = {"car": 1, "person": 2}
+"""KITTI's."""
+UNKNOWN = 1
+"""Class of what is neither, or not named."""
 
 PER_CLASS = 1000
 """An id is 1000 times its class plus the number of the object."""
 
 
-def encode_mots(labels: Iterable[NDArray[Any]]) -> bytes:
+def encode_mots(labels: Iterable[NDArray[Any]], called: Mapping[int, str] = MappingProxyType({})) -> bytes:
     """MOTS text of one video; frames count from 0.
 
     Parameters
     ----------
     labels : (H, W) ids of every frame, 0 = none.
+    called : category of each id that has one.
 
     Raises
     ------
@@ -39,5 +43,6 @@ def encode_mots(labels: Iterable[NDArray[Any]]) -> bytes:
                 )
             mask = rle.encode(label == n)
             height, width = mask["size"]
-            lines.append(f"{t} {CLASS * PER_CLASS + n} {CLASS} {height} {width} {mask['counts']}\n")
+            kind = CLASSES.get(called.get(n, ""), UNKNOWN)
+            lines.append(f"{t} {kind * PER_CLASS + n} {kind} {height} {width} {mask['counts']}\n")
     return "".join(lines).encode()

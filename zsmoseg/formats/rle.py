@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -83,3 +85,27 @@ def run_lengths(counts: str | bytes) -> list[int]:
             runs.append(value + (runs[-2] if len(runs) > 2 else 0))
             value = shift = 0
     return runs
+
+
+def packed(masks: Iterable[NDArray[np.bool_]]) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+    """Masks (H, W) as run lengths one behind the other: how many bytes each has (n), and the bytes."""
+    counts = [coco.encode(np.asfortranarray(mask, np.uint8))["counts"] for mask in masks]
+    return np.array([len(c) for c in counts], np.int64), np.frombuffer(b"".join(counts), np.uint8)
+
+
+def unpacked(
+    length: NDArray[np.int64], run: NDArray[np.uint8], size: tuple[int, int]
+) -> list[dict[str, Any]]:
+    """What ``packed`` made, as pycocotools has them; ``size`` is (H, W)."""
+    ends = np.cumsum([0, *length])
+    return [{"size": list(size), "counts": run[a:b].tobytes()} for a, b in pairwise(ends)]
+
+
+def mask_of(rle: dict[str, Any]) -> NDArray[np.bool_]:
+    """(H, W) of run lengths that were packed here: files of others go through ``decode``."""
+    return np.asarray(coco.decode(rle), np.bool_)
+
+
+def overlaps_of(rles: list[dict[str, Any]]) -> NDArray[np.float64]:
+    """(n, n) intersection over union."""
+    return np.asarray(coco.iou(rles, rles, [0] * len(rles)) if rles else np.zeros((0, 0)))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
 from zsmoseg.formats.annotations import Entry, choose_video, entries, field, size_of
-from zsmoseg.formats.coco import CATEGORIES, dump
+from zsmoseg.formats.coco import categories_of_ids, dump
 from zsmoseg.formats.names import inside
 from zsmoseg.formats.overlaps import FrameMasks, MaskSource, stack
 
@@ -68,7 +69,11 @@ def _name(video: Entry, path: Path) -> str:
 
 
 def encode_ytvis(
-    video: str, names: Sequence[str], labels: Iterable[NDArray[Any]], size: tuple[int, int]
+    video: str,
+    names: Sequence[str],
+    labels: Iterable[NDArray[Any]],
+    size: tuple[int, int],
+    called: Mapping[int, str] = MappingProxyType({}),
 ) -> bytes:
     """YouTube-VIS JSON of one video; an id becomes the id of its annotation.
 
@@ -77,7 +82,9 @@ def encode_ytvis(
     names : file name of every frame.
     labels : (H, W) ids of every frame, 0 = none.
     size : (H, W).
+    called : category of each id that has one.
     """
+    categories, numbers = categories_of_ids(called)
     tracks: dict[int, list[Entry | None]] = {}
     for t, label in enumerate(labels):
         for n in np.unique(label[label > 0]).tolist():
@@ -87,7 +94,7 @@ def encode_ytvis(
         {
             "id": n,
             "video_id": 1,
-            "category_id": 1,
+            "category_id": numbers.get(n, 1),
             "iscrowd": 0,
             **shape,
             "segmentations": masks,
@@ -97,4 +104,4 @@ def encode_ytvis(
         for n, masks in sorted(tracks.items())
     ]
     about = {"id": 1, "name": video, "file_names": list(names), **shape}
-    return dump({"videos": [about], "annotations": annotations, "categories": CATEGORIES})
+    return dump({"videos": [about], "annotations": annotations, "categories": categories})

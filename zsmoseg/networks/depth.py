@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Literal
 
 import numpy as np
@@ -10,8 +11,9 @@ from numpy.typing import NDArray
 from zsmoseg.depth.relative import relative
 from zsmoseg.errors import ModelError
 from zsmoseg.formats.depth import inverse_depth
-from zsmoseg.networks.contract import MAIN, NAME, Contract
-from zsmoseg.networks.image import Frame, prepare
+from zsmoseg.networks.batches import run_frames
+from zsmoseg.networks.contract import NAME, Contract
+from zsmoseg.networks.image import Frame
 from zsmoseg.networks.session import Network
 
 Kind = Literal["depth", "inverse-depth"]
@@ -39,21 +41,23 @@ def kind_of(contract: Contract) -> Kind:
     )
 
 
-def network_depth(network: Network, frame: Frame, size: tuple[int, int]) -> NDArray[np.float32]:
-    """Relative inverse depth of a frame (H, W, 3), blue green red, on a grid of (height, width), of mean 1.
+def network_depth(
+    network: Network, frames: Iterable[Frame], size: tuple[int, int], most: int = 1
+) -> Iterator[NDArray[np.float32]]:
+    """Relative inverse depth of frames (H, W, 3), blue green red, on a grid of (height, width), each of mean 1.
 
     The output is resized by its own shape: DPT heads leave other sizes than they were given.
 
-    Raises
-    ------
-    NetworkError
-        Nothing finite came out.
+    Parameters
+    ----------
+    most
+        Frames at once (``run_frames``).
     """
-    tensor, where = prepare(frame, network.contract.image)
-    (found,) = network.run(MAIN, {"image": tensor}, ["depth"]).values()
-    if found.ndim < 2 or max(found.shape[:-2], default=1) != 1:
-        raise ModelError(
-            f"{network.contract.folder / NAME}: the output has shape {list(found.shape)}; depth is one number a pixel"
-        )
-    full = where.map_out(found.reshape(found.shape[-2:]))
-    return relative(inverse_depth(full, kind_of(network.contract)), size)
+    kind = kind_of(network.contract)
+    for outputs, where in run_frames(network, frames, ["depth"], most):
+        found = outputs["depth"]
+        if found.ndim < 2 or max(found.shape[:-2], default=1) != 1:
+            raise ModelError(
+                f"{network.contract.folder / NAME}: its output is {list(found.shape)}; depth is one number a pixel"
+            )
+        yield relative(inverse_depth(where.map_out(found.reshape(found.shape[-2:])), kind), size)

@@ -6,18 +6,21 @@ coefficients; the tensors are those of the YOLOv8 family.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from zsmoseg.errors import ModelError
+from zsmoseg.networks.batches import run_frames
 from zsmoseg.networks.boxes import suppress
 from zsmoseg.networks.categories import COCO
-from zsmoseg.networks.contract import MAIN, NAME, Contract, Table
-from zsmoseg.networks.image import Frame, Geometry, prepare
+from zsmoseg.networks.contract import NAME, Contract, Table
+from zsmoseg.networks.image import Frame, Geometry
 from zsmoseg.networks.session import Network
 
 
@@ -59,27 +62,37 @@ def categories_of(contract: Contract) -> list[str]:
     return list(COCO) if named == "coco" else list(named or [])
 
 
-def network_instances(network: Network, frame: Frame) -> Raw:
-    """The candidates of a frame (H, W, 3), blue green red.
+def network_instances(network: Network, frames: Iterable[Frame], most: int = 1) -> Iterator[Raw]:
+    """The candidates of frames (H, W, 3), blue green red, best first.
+
+    Parameters
+    ----------
+    most
+        Frames at once (``run_frames``).
 
     Raises
     ------
     ModelError
         The tensors have not the shapes of boxes, scores and coefficients.
     """
-    rules = network.contract.extra("instances", Instances)
-    tensor, where = prepare(frame, network.contract.image)
-    found = network.run(MAIN, {"image": tensor}, ["predictions", "prototypes"])
-    rows, prototypes = found["predictions"][0].T, found["prototypes"][0]
-    names, classes = categories_of(network.contract), rows.shape[1] - 4 - len(prototypes)
+    for outputs, where in run_frames(network, frames, ["predictions", "prototypes"], most):
+        yield _candidates(network.contract, outputs["predictions"][0].T, outputs["prototypes"][0], where)
+
+
+def _candidates(
+    contract: Contract, rows: NDArray[np.float32], prototypes: NDArray[np.float32], where: Geometry
+) -> Raw:
+    """Of one frame; rows (n, 4 + categories + coefficients)."""
+    rules = contract.extra("instances", Instances)
+    names, classes = categories_of(contract), rows.shape[1] - 4 - len(prototypes)
     if classes < 1 or (names and len(names) != classes):
         raise ModelError(
-            f"{network.contract.folder / NAME}: predictions have {rows.shape[1]} numbers a candidate, 4 of a box and "
+            f"{contract.folder / NAME}: predictions have {rows.shape[1]} numbers a candidate, 4 of a box and "
             f"{len(prototypes)} coefficients among them, which leaves {classes} categories; it names {len(names)}"
         )
     score = rows[:, 4 : 4 + classes]
     if rules.scores == "logits":
-        score = 1 / (1 + np.exp(-score))
+        score = expit(score)
     best = score.max(1)
     some = np.flatnonzero(best > rules.floor)
     corners = _corners(rows[some, :4], rules.boxes)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import ModelError, NetworkError, SettingsError
-from zsmoseg.networks.contract import NAME, Contract, File, Graph, load_contract
+from zsmoseg.networks.contract import NAME, PIN, Contract, File, Graph, load_contract
 
 Array = NDArray[Any]
 
@@ -24,22 +24,10 @@ PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
 TYPES = {"tensor(float)": "float32", "tensor(int64)": "int64", "tensor(bool)": "bool", "tensor(int32)": "int32",
          "tensor(float16)": "float16", "tensor(double)": "float64", "tensor(uint8)": "uint8"}  # fmt: skip
 MEMORY_WORDS = ("failed to allocate memory", "out of memory", "bfcarena", "cuda_error_out_of_memory")
-PIN = "@sha256:"
-"""Between the folder of a model and its digest, in a reference that is pinned."""
 
 
 class OutOfMemory(NetworkError):
     """The device has no memory for one call; fewer frames at once may fit."""
-
-
-def pinned(folder: Path, contract: Contract) -> str:
-    """A reference to just this model: where it lies, and the digest that it must have there."""
-    return f"{folder.absolute()}{PIN}{contract.digest}"
-
-
-def digest_of(reference: str) -> str:
-    """The digest of a pinned reference; what is not pinned is itself."""
-    return reference.rpartition(PIN)[2]
 
 
 @dataclass
@@ -107,12 +95,12 @@ class Network:
                 f"{self._where(graph)}: takes {', '.join(taken)}; its contract and task give {', '.join(sorted(given))}"
             )
         roles = list(wanted) if wanted is not None else self.outputs(graph)
-        clock = time.perf_counter()
+        clock = time.process_time()
         try:
             found = session.run([declared.outputs.get(role, role) for role in roles], given)
         except Exception as error:
             raise _failed(self._where(graph), error) from error
-        self._time(graph, time.perf_counter() - clock)
+        self._time(graph, time.process_time() - clock)
         for role, value in zip(roles, found, strict=True):
             # -inf is how networks say never (logits that are masked); +inf and NaN are how they fail
             if value.dtype.kind == "f" and not (value < np.inf).all():
@@ -143,9 +131,9 @@ class Network:
     def _session(self, graph: str) -> Any:
         with self._lock:
             if graph not in self._sessions:
-                clock = time.perf_counter()
+                clock = time.process_time()
                 self._sessions[graph] = self._open(graph)
-                self.warm_up += time.perf_counter() - clock
+                self.warm_up += time.process_time() - clock
             return self._sessions[graph]
 
     def _open(self, name: str) -> Any:

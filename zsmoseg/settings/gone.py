@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 GONE: dict[str, str] = {
+    "proposals.link_gap": "is linking.gap now",
+    "proposals.link_overlap": "is linking.overlap now",
     "labels.guide_eps": "is the constant guide_eps = 1e-4 of zsmoseg.proposals.embedded.guided_filter.GuidedFilter now",
     "objects.clean_pad": "is the constant clean_pad = 0.5 of zsmoseg.proposals.embedded.persistence.Cleanness now",
     "objects.contrast_flow": "is the constant contrast_flow = 1.0 of zsmoseg.proposals.embedded.threshold.Contrast now",

@@ -49,10 +49,14 @@ class Frames(Section):
 class Flow(Brought):
     """Optical flow in both directions."""
 
-    source: Literal["auto", "dis", "imported"] = setting(
-        "auto", "dis: OpenCV DIS; imported: read from files; auto: imported where there is an import"
+    source: Literal["auto", "dis", "network", "imported"] = setting(
+        "auto",
+        "dis: OpenCV DIS; network: flow.model; imported: read from files; auto: what is brought or named, else dis",
     )
     path: str = setting("", "files with the flow of one video, or a folder with one of them a video")
+    model: str = setting(
+        "", "the network: its name (zsmoseg models) or folder", "", ("source", "network"), ("flow",)
+    )
     finest_scale: int = setting(
         0, "finest level of the pyramid; 1 = half the working grid", "", ("source", "dis"), ge=0, le=4
     )
@@ -73,12 +77,15 @@ class Flow(Brought):
 class Depth(Brought):
     """Pseudo depth."""
 
-    source: Literal["auto", "ground", "constant", "imported"] = setting(
+    source: Literal["auto", "ground", "constant", "network", "imported"] = setting(
         "auto",
-        "constant: no depth; ground: a plane that comes nearer towards the bottom; imported: read from files; "
-        "auto: imported where there is an import, else constant",
+        "constant: no depth; ground: a plane that comes nearer towards the bottom; network: depth.model; "
+        "imported: read from files; auto: what is brought or named, else constant",
     )
     path: str = setting("", "files with the depth of one video, or a folder with one of them a video")
+    model: str = setting(
+        "", "the network: its name (zsmoseg models) or folder", "", ("source", "network"), ("depth",)
+    )
     kind: Literal["", "depth", "inverse-depth"] = setting(
         "", "what the imported numbers are: larger = farther, or larger = nearer", "", ("source", "imported")
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from zsmoseg.settings.section import Brought, Section, setting
 
@@ -10,10 +12,10 @@ from zsmoseg.settings.section import Brought, Section, setting
 class Proposals(Brought):
     """Where the objects come from."""
 
-    source: Literal["auto", "embedded", "imported"] = setting(
+    source: Literal["auto", "embedded", "network", "imported"] = setting(
         "auto",
-        "embedded: superpixels that stand out from the camera's motion; imported: masks read from files; "
-        "auto: imported where there is an import",
+        "embedded: superpixels that stand out from the camera's motion; network: model, or boxes and masks; imported: "
+        "masks read from files; auto: what is brought or named, else embedded",
     )
     path: str = setting("", "masks of one video, or a folder with one of them a video")
     kind: Literal["auto", "ids", "masks"] = setting(
@@ -22,20 +24,30 @@ class Proposals(Brought):
         "",
         ("source", "imported"),
     )
-    link_overlap: float = setting(
-        0.3,
-        "intersection over union with an object carried along the flow from which a mask is that object",
+    model: str = setting(
         "",
-        ("source", "imported"),
-        gt=0,
-        le=1,
+        "one network alone: instance masks, or masks of a grid of points (SAM); its name or folder",
+        "",
+        ("source", "network"),
+        ("instance-masks", "box-masks"),
     )
-    link_gap: int = setting(
-        3,
-        "frames that an object may miss its mask and still be found again",
+    boxes: str = setting(
+        "",
+        "network of boxes from text: with the tags of tags.model or tags.prompt, and with masks",
+        "",
+        ("source", "network"),
+        ("text-boxes",),
+    )
+    masks: str = setting("", "network of masks from these boxes", "", ("source", "network"), ("box-masks",))
+    span: Literal["auto"] | Annotated[int, Field(ge=1)] = setting(
+        "auto",
+        "networks look at the first frame of each span of so many; the masks are tracked through it; auto: 1 for "
+        "instance masks, else 10",
         "frames",
-        ("source", "imported"),
-        ge=1,
+        ("source", "network"),
+    )
+    points: int = setting(
+        16, "side of the grid of points for a network of masks alone", "", ("source", "network"), ge=1, le=64
     )
 
 

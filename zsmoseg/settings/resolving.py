@@ -14,23 +14,51 @@ from zsmoseg.settings.gone import GONE, GONE_VALUES
 from zsmoseg.settings.tree import Settings, defaults
 from zsmoseg.settings.words import problems_of, unknown
 
+PAPER_CORE: Mapping[str, Any] = {
+    "motion.model": "screw-printed",
+    "affinity.kernel": "ordered",
+    "affinity.ranking": "row",
+    "affinity.weight": "equal",
+    "groups.rule": "spectral",
+    "groups.equal": True,
+    "groups.count": 2,
+}
 PRESETS: Mapping[str, Mapping[str, Any]] = {
-    "default": {},
-    "paper-core": {
-        "motion.model": "screw-printed",
-        "affinity.kernel": "ordered",
-        "affinity.ranking": "row",
-        "affinity.weight": "equal",
-        "groups.rule": "spectral",
-        "groups.equal": True,
-        "groups.count": 2,
+    "embedded": {},
+    "paper-core": PAPER_CORE,
+    "paper": {
+        "proposals.source": "network",
+        "tags.model": "ram",
+        "proposals.boxes": "grounding-dino-tiny",
+        "proposals.masks": "sam-vit-b",
+        "tracking.source": "network",
+        "tracking.model": "deaot-l",
+        "tracking.carry": False,
+        "flow.source": "network",
+        "flow.model": "pwc-net",
+        "depth.source": "network",
+        "depth.model": "dpt-dinov2-small-nyu",
+        **PAPER_CORE,
+    },
+    "permissive": {
+        "proposals.source": "network",
+        "tags.model": "ram-plus-int8",
+        "proposals.boxes": "grounding-dino-tiny",
+        "proposals.masks": "mobile-sam",
+        "tracking.source": "network",
+        "tracking.model": "cutie",
+        "depth.source": "network",
+        "depth.model": "depth-anything-v2-small",
     },
 }
-"""Named settings; ``paper-core`` is the paper to the letter from the proposals on."""
+"""Named settings. ``paper-core`` is the paper to the letter from the proposals on, ``paper`` with its networks too;
+``permissive`` has weights only that may be used commercially, and our own decision.
+"""
+GONE_PRESETS = {"default": "is embedded now"}
 
 
 def resolve(
-    preset: str = "default", config: Path | None = None, overrides: Mapping[str, Any] | None = None
+    preset: str = "embedded", config: Path | None = None, overrides: Mapping[str, Any] | None = None
 ) -> Settings:
     """Settings from a preset, then a TOML file, then ``overrides`` (dotted names).
 
@@ -40,7 +68,8 @@ def resolve(
         Unknown preset; unreadable TOML; every setting that is gone, unknown, mistyped or out of range, all at once.
     """
     if preset not in PRESETS:
-        raise SettingsError(f"preset {preset!r} is unknown; there are {', '.join(PRESETS)}")
+        what = GONE_PRESETS.get(preset, "is unknown")
+        raise SettingsError(f"preset {preset!r} {what}; there are {', '.join(PRESETS)}")
     flat: dict[str, Any] = {
         **PRESETS[preset],
         **(_flatten(_toml(config)) if config else {}),

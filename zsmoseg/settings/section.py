@@ -7,15 +7,33 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from zsmoseg.networks.contract import digest_of
+
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 T = TypeVar("T", bound="DataclassInstance")
 
 
-def setting(default: Any, meaning: str, unit: str = "", when: tuple[str, ...] = (), **limits: Any) -> Any:
-    """One setting; ``when = (name, value, ...)``: it acts only while ``name`` of its section is such a value."""
-    return Field(default, description=meaning, json_schema_extra={"unit": unit, "when": list(when)}, **limits)
+def setting(
+    default: Any,
+    meaning: str,
+    unit: str = "",
+    when: tuple[str, ...] = (),
+    tasks: tuple[str, ...] = (),
+    **limits: Any,
+) -> Any:
+    """One setting.
+
+    Parameters
+    ----------
+    when
+        ``(name, value, ...)``: it acts only while ``name`` of its section is such a value.
+    tasks
+        It names a model, of one of these tasks.
+    """
+    extra: dict[str, Any] = {"unit": unit, "when": list(when), "tasks": list(tasks)}
+    return Field(default, description=meaning, json_schema_extra=extra, **limits)
 
 
 class Section(BaseModel):
@@ -24,8 +42,22 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
 
     def active(self) -> dict[str, Any]:
-        """The settings that act: those of a backend or rule that is not chosen are left out."""
-        return {name: value for name, value in self.model_dump(mode="json").items() if self.acts(name)}
+        """The settings that act: those of a backend or rule that is not chosen are left out.
+
+        Of a model its digest counts, not where it lies.
+        """
+        acting = {name: value for name, value in self.model_dump(mode="json").items() if self.acts(name)}
+        return {name: digest_of(value) if self.tasks(name) else value for name, value in acting.items()}
+
+    def models(self) -> dict[str, str]:
+        """The models that act, by setting."""
+        found = {name: getattr(self, name) for name in type(self).model_fields if self.tasks(name)}
+        return {name: model for name, model in found.items() if model and self.acts(name)}
+
+    @classmethod
+    def tasks(cls, name: str) -> tuple[str, ...]:
+        """The tasks of the models that setting ``name`` may name; none where it names no model."""
+        return tuple(cls.extra(name)["tasks"])
 
     def acts(self, name: str) -> bool:
         """Whether setting ``name`` can change anything now."""

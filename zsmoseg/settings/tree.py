@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict
 
 from zsmoseg.settings.grouping import Affinity, Groups, Motion, Statistics, Trajectories
 from zsmoseg.settings.inputs import Depth, Flow, Frames, Ignore, Video
+from zsmoseg.settings.networks import Linking, Networks, Selection, Tags, Tracking
 from zsmoseg.settings.outputs import Chunk, Masks, Overlay
 from zsmoseg.settings.proposals import Labels, Objects, Proposals, Segments
 
@@ -31,6 +32,10 @@ class Settings(BaseModel):
     flow: Flow = Flow()
     depth: Depth = Depth()
     proposals: Proposals = Proposals()
+    tags: Tags = Tags()
+    selection: Selection = Selection()
+    linking: Linking = Linking()
+    tracking: Tracking = Tracking()
     segments: Segments = Segments()
     objects: Objects = Objects()
     labels: Labels = Labels()
@@ -42,6 +47,7 @@ class Settings(BaseModel):
     masks: Masks = Masks()
     overlay: Overlay = Overlay()
     chunk: Chunk = Chunk()
+    networks: Networks = Networks()
 
     def flat(self) -> dict[str, Any]:
         """``{"flow.stride": 4, ...}``."""

@@ -17,9 +17,9 @@ Ids = NDArray[np.int64]
 class Linking:
     """When a mask is an object that is known."""
 
-    link_overlap: float
+    overlap: float
     """Intersection over union with the propagated object from which a mask is that object."""
-    link_gap: int
+    gap: int
     """Frames with masks that an object may be missing from."""
 
 
@@ -67,7 +67,7 @@ class Linker:
         objects[fresh] = self.last + 1 + np.arange(int(fresh.sum()))
         self.last += int(fresh.sum())
         missed = {int(n): self.missed[int(n)] + 1 for n in alive if n not in objects}
-        self.missed = {n: m for n, m in missed.items() if m <= self.linking.link_gap}
+        self.missed = {n: m for n, m in missed.items() if m <= self.linking.gap}
         self.missed |= dict.fromkeys(objects.tolist(), 0)
         kept = np.where(np.isin(self.label, list(self.missed)), self.label, 0)
         self.label = np.where(place > 0, np.append(0, objects)[place], kept).astype(np.uint16)
@@ -92,5 +92,5 @@ class Linker:
         column = np.zeros(self.last + 1, np.int64)
         column[alive] = np.arange(1, len(alive) + 1)
         both, union = overlaps(place, column[self.label], count, len(alive))
-        found = matched(both / np.maximum(union, 1), self.linking.link_overlap)
+        found = matched(both / np.maximum(union, 1), self.linking.overlap)
         return np.append(alive, 0)[found]

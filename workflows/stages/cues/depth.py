@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from zsmoseg import settings
 from zsmoseg.depth.ground import ground
+from zsmoseg.networks.depth import network_depth
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
+from zsmoseg.video.frames import read
 from zsmoseg.workflows.imports.contents import depth_of
 from zsmoseg.workflows.stage import Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
@@ -54,7 +56,17 @@ def _imported(part: Part, s: Sections) -> Iterator[NDArray[np.float32]]:
     return depth_of(s.depth, part.probe, part.start, part.stop, working_size(part.probe, s.frames.width))
 
 
-BACKENDS: dict[str, Backend] = {"ground": _ground, "imported": _imported}
+def _network(part: Part, s: Sections) -> Iterator[NDArray[np.float32]]:
+    frames = read(part.probe, part.start, part.stop)
+    found = network_depth(
+        part.network(s.depth.model), frames, working_size(part.probe, s.frames.width), part.batch
+    )
+    for t in range(part.start, part.stop):
+        with part.at_frame(t):
+            yield next(found)
+
+
+BACKENDS: dict[str, Backend] = {"ground": _ground, "network": _network, "imported": _imported}
 """By the setting ``depth.source``; ``constant`` leaves nothing."""
 
 

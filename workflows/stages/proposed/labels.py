@@ -1,4 +1,4 @@
-"""Stage ``labels`` of given masks: lookups; between frames with masks those are propagated along the flow."""
+"""Stage ``labels`` of proposed masks: lookups; between frames with masks those are propagated along the flow."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from zsmoseg.tracking.carrying import here, look_up, nearest_known, step
 from zsmoseg.workflows.stage import ALL, Part, Stage, ignored, reach
 from zsmoseg.workflows.stages.cues.flow import Flow, Vectors, between_cuts
 from zsmoseg.workflows.stages.front_end import Labels, labels_of
-from zsmoseg.workflows.stages.given.objects import GivenObjects, lookups
-from zsmoseg.workflows.stages.given.proposals import Proposals
+from zsmoseg.workflows.stages.proposed.objects import MaskObjects, lookups
+from zsmoseg.workflows.stages.proposed.proposals import Proposals
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Inputs:
     """What is read."""
 
     proposals: Proposals = reach(ALL)
-    objects: GivenObjects = reach(ALL)
+    objects: MaskObjects = reach(ALL)
     flow: Flow = reach(ALL)
 
 

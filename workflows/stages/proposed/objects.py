@@ -1,20 +1,23 @@
-"""Stage ``objects`` of given masks: which object each mask of each frame belongs to, shot by shot."""
+"""Stage ``objects`` of proposed masks: which object each mask of each frame belongs to, shot by shot."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
+from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.fields import table
 from zsmoseg.tracking.linking import Linker, Linking
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 from zsmoseg.workflows.stages.front_end import Objects, shot_columns, shrink
-from zsmoseg.workflows.stages.given.proposals import Proposals
+from zsmoseg.workflows.stages.proposed.naming import categories
+from zsmoseg.workflows.stages.proposed.proposals import Proposals, category_names
 
 Ids = NDArray[np.int64]
 HIGHEST = 1023
@@ -22,7 +25,7 @@ HIGHEST = 1023
 
 
 @dataclass(frozen=True)
-class GivenObjects(Objects):
+class MaskObjects(Objects):
     """The objects as masks, those of all frames that have some one after the other."""
 
     known: NDArray[np.bool_] = table("frame", dtype="bool", meaning="whether there are masks of the frame")
@@ -31,6 +34,13 @@ class GivenObjects(Objects):
     object_of: Ids = table("mask_of_frame", dtype="int64", meaning="its object")
     object: Ids = table("object", dtype="int64", meaning="object")
     origin: Ids = table("object", dtype="int64", meaning="its id in the files, 0 where they have none")
+    category_of: Ids | None = table(
+        "object", dtype="int64", meaning="its category, an index of the coordinate category; -1 = none"
+    )
+    score: NDArray[np.float32] | None = table(
+        "object", dtype="float32", meaning="mean score of its masks of that category"
+    )
+    named: Ids | None = table("category", dtype="int64", meaning="objects of the category", add=True)
 
 
 @dataclass(frozen=True)
@@ -47,26 +57,74 @@ class Sections:
 
     frames: settings.Frames
     proposals: settings.Proposals
+    tags: settings.Tags
+    linking: settings.Linking
 
 
-def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[GivenObjects]:
+def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[MaskObjects]:
     """All shots of the video."""
     found = between_cuts(inputs.flow.state)
     known = _numbers(inputs.proposals)
-    if s.proposals.kind == "ids":
+    if s.proposals.source == "imported" and s.proposals.kind == "ids":
         objects, last, origin = _by_id(known, found)
     else:
-        objects, last = _linked(inputs, s.proposals, known, found, working_size(part.probe, s.frames.width))
+        objects, last = _linked(inputs, s.linking, known, found, working_size(part.probe, s.frames.width))
         origin = np.zeros(last[-1] + 1, np.int64)
-    yield GivenObjects(
+    object_of = np.concatenate([np.zeros(0, np.int64), *objects])
+    yield MaskObjects(
         known=inputs.proposals.known,
         masks=inputs.proposals.masks,
         number=inputs.proposals.number,
-        object_of=np.concatenate([np.zeros(0, np.int64), *objects]),
+        object_of=object_of,
         object=np.arange(len(origin), dtype=np.int64),
         origin=origin,
+        **named_objects(inputs.proposals, object_of, len(origin), len(categories(s.proposals, s.tags))),
         **shot_columns(part.frames, found, last),
     )
+
+
+def named_objects(proposals: Proposals, object_of: Ids, objects: int, names: int) -> dict[str, Any]:
+    """The fields of ``MaskObjects`` about categories: each object has the one whose masks have most score in all.
+
+    Parameters
+    ----------
+    object_of
+        Of every mask, in the order of ``proposals.number``; 0 = none.
+    objects
+        Number of objects, the background among them.
+    names
+        Number of categories; without any there are no such fields.
+    """
+    if not names:
+        return {}
+    assert proposals.category_of is not None
+    assert proposals.score is not None
+    cell = object_of * names + proposals.category_of
+    votes, masks = (
+        np.bincount(cell, w, objects * names).reshape(objects, names)
+        for w in (proposals.score.astype(np.float64), None)
+    )
+    votes[0] = 0.0
+    best, rows = votes.argmax(1), np.arange(objects)
+    some = votes[rows, best] > 0
+    score = np.where(some, votes[rows, best] / np.maximum(masks[rows, best], 1), np.nan)
+    return {
+        "category_of": np.where(some, best, -1).astype(np.int64),
+        "score": score.astype(np.float32),
+        "named": np.bincount(best[some], minlength=names).astype(np.int64),
+    }
+
+
+def object_names(artifact: Artifact) -> list[str]:
+    """What networks call each object of a video; no list where nothing is named."""
+    names, of = category_names(artifact), MaskObjects.read(artifact).category_of
+    return [] if of is None else [names[n] if n >= 0 else "" for n in of]
+
+
+def labels_of_categories(s: Any) -> Mapping[str, Sequence[str]]:
+    """The coordinate ``category``, where networks name what they see."""
+    names = categories(s.proposals, s.tags)
+    return {"category": names} if names else {}
 
 
 def _numbers(proposals: Proposals) -> dict[int, Ids]:
@@ -92,7 +150,7 @@ def _by_id(known: dict[int, Ids], found: list[tuple[int, int]]) -> tuple[list[Id
 
 def _linked(
     inputs: Inputs,
-    s: settings.Proposals,
+    s: settings.Linking,
     known: dict[int, Ids],
     found: list[tuple[int, int]],
     grid: tuple[int, int],
@@ -111,7 +169,7 @@ def _linked(
     return objects, last
 
 
-def lookups(objects: GivenObjects) -> dict[int, Ids]:
+def lookups(objects: MaskObjects) -> dict[int, Ids]:
     """For every frame with masks the table from number to object."""
     ends, found = np.cumsum([0, *objects.masks]), {}
     for t in np.flatnonzero(objects.known):
@@ -122,4 +180,6 @@ def lookups(objects: GivenObjects) -> dict[int, Ids]:
     return found
 
 
-STAGE = Stage("objects", 2, task, Inputs, Sections, GivenObjects, "video", cost=(2.0, 0.1))
+STAGE = Stage(
+    "objects", 2, task, Inputs, Sections, MaskObjects, "video", labels=labels_of_categories, cost=(2.0, 0.1)
+)

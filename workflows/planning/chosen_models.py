@@ -1,0 +1,98 @@
+"""The models that settings name: found, checked, and pinned to what they are now."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from zsmoseg.errors import ModelError, SettingsError
+from zsmoseg.networks.contract import NAME, Contract, load_contract, pinned
+from zsmoseg.networks.depth import kind_of
+from zsmoseg.networks.flow import check_flow
+from zsmoseg.networks.prompts import parse_prompt
+from zsmoseg.settings import Section, Settings
+from zsmoseg.workflows.models.place import find_model
+
+SPAN = 10
+"""Frames of a span where masks are tracked: SAM-Track looks again after as many."""
+CHECKS = {"depth": kind_of, "flow": check_flow}
+"""What else a contract must say, by task."""
+
+
+def named(settings: Settings) -> Iterator[tuple[str, str, str]]:
+    """The models that act with settled settings: section, setting, name or reference."""
+    for section in type(settings).model_fields:
+        values: Section = getattr(settings, section)
+        for name, model in values.models().items():
+            yield section, name, model
+
+
+def with_models(settings: Settings) -> Settings:
+    """Settled settings with every model that acts as a pinned reference, and the span decided.
+
+    Raises
+    ------
+    SettingsError
+        A network is asked for and not named, or the models named do not make a front end.
+    ModelError
+        A model is not there (the message says what gets it), not whole, or of another task.
+    """
+    update: dict[str, dict[str, Any]] = {}
+    _refuse_unnamed(settings)
+    if settings.proposals.source != "network":
+        settings = settings.model_copy(update={"tags": type(settings.tags)()})
+    elif settings.tags.prompt:
+        parse_prompt(settings.tags.prompt)
+        settings = settings.model_copy(update={"tags": settings.tags.model_copy(update={"model": ""})})
+    contracts = {}
+    for section, name, model in named(settings):
+        contracts[section, name] = contract = _contract(section, name, model, settings)
+        update.setdefault(section, {})[name] = pinned(contract)
+    if settings.proposals.source == "network" and settings.proposals.span == "auto":
+        alone = contracts.get(("proposals", "model"))
+        update.setdefault("proposals", {})["span"] = 1 if alone and alone.task == "instance-masks" else SPAN
+    sections = {name: getattr(settings, name).model_copy(update=values) for name, values in update.items()}
+    return settings.model_copy(update=sections)
+
+
+def _contract(section: str, name: str, model: str, settings: Settings) -> Contract:
+    contract = load_contract(find_model(model))
+    tasks = type(getattr(settings, section)).tasks(name)
+    if contract.task not in tasks:
+        raise ModelError(
+            f"{contract.folder / NAME}: its task is {contract.task}; {section}.{name} takes {' or '.join(tasks)}"
+        )
+    if contract.task in CHECKS:
+        CHECKS[contract.task](contract)
+    for file in contract.files:
+        path = contract.folder / file.file
+        if not path.is_file():
+            raise ModelError(
+                f"{path}: is missing; the model is not whole, zsmoseg models fetch or add it again"
+            )
+        if file.bytes is not None and path.stat().st_size != file.bytes:
+            raise ModelError(
+                f"{path}: has {path.stat().st_size} bytes, its contract says {file.bytes}; get it again"
+            )
+    return contract
+
+
+def _refuse_unnamed(settings: Settings) -> None:
+    """A network that is asked for must be named, and the networks of proposals must fit together."""
+    for section in ("flow", "depth", "tracking"):
+        chosen = getattr(settings, section)
+        if chosen.source == "network" and not chosen.model:
+            raise SettingsError(f"{section}.source = network: name the network, --set {section}.model=NAME")
+    p = settings.proposals
+    if p.source != "network":
+        return
+    if not p.model and not (p.boxes and p.masks):
+        raise SettingsError(
+            "proposals.source = network: name one network (proposals.model), or proposals.boxes and proposals.masks"
+        )
+    if p.model and (p.boxes or p.masks):
+        raise SettingsError(
+            "proposals.model is one network alone; leave it out, or proposals.boxes and .masks"
+        )
+    if p.boxes and not (settings.tags.model or settings.tags.prompt):
+        raise SettingsError('proposals.boxes needs words: --prompt "person, dog", or tags.model=NAME')

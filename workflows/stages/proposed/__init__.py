@@ -1,0 +1,1 @@
+"""Stages of the front ends for masks that files or networks propose."""
