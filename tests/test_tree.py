@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from zsmoseg.painting.palette import encode_png
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import IDS_OF, TIMES, fields_of, tables_of
 from zsmoseg.workflows.result import Result
+from zsmoseg.workflows.stage import Stage
 from zsmoseg.workflows.stages.graph import GRAPHS
 
 CUT = 6

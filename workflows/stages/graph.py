@@ -31,13 +31,17 @@ Graph = Mapping[str, Stage[Any, Any]]
 """Stages by name, in order."""
 
 CUES = (frames.STAGE, flow.STAGE, depth.STAGE)
-NETWORKS = (tags.STAGE, detections.STAGE, selected.STAGE)
-LINKED = (linked_objects.STAGE, linked_labels.STAGE)
 FRONT_ENDS = {
     "embedded": (segments.STAGE, features.STAGE, embedded_objects.STAGE, embedded_labels.STAGE),
-    "imported": (imported.STAGE, *LINKED),
-    "network": (*NETWORKS, *LINKED),
-    "tracked": (*NETWORKS, tracks.STAGE, tracked_objects.STAGE, tracked_labels.STAGE),
+    "imported": (imported.STAGE, linked_objects.STAGE, linked_labels.STAGE),
+    "network": (
+        tags.STAGE,
+        detections.STAGE,
+        selected.STAGE,
+        tracks.STAGE,
+        tracked_objects.STAGE,
+        tracked_labels.STAGE,
+    ),
 }
 RESIDUALS = (statistics.STAGE, residuals.STAGE)
 AFFINITIES = {
@@ -57,11 +61,8 @@ GRAPHS: dict[str, Graph] = {
 
 
 def graph_of(settings: Settings) -> str:
-    """The name of the graph that settled settings ask for: masks of every frame are linked, of some frames tracked."""
-    front: str = settings.proposals.source
-    if front == "network" and (settings.proposals.span != 1 or settings.tracking.source != "flow"):
-        front = "tracked"
-    return f"{front}-{'flow' if settings.affinity.cues == 'flow' else 'epipolar'}"
+    """The name of the graph that settled settings ask for."""
+    return f"{settings.proposals.source}-{'flow' if settings.affinity.cues == 'flow' else 'epipolar'}"
 
 
 def names() -> list[str]:
