@@ -117,7 +117,7 @@ def _get(part: File, entry: Entry, source: str | None, work: Path, watch: Watch)
     if there.is_file() and part.sha256 and not check_file(there, part):
         return
     if source is None:
-        download(part, part.url, work, watch)
+        download(part, part.url, work, entry.name, watch)
     elif source.startswith(("http://", "https://")):
         _from_base(part, entry, source.rstrip("/"), work, watch)
     else:
@@ -131,9 +131,9 @@ def _get(part: File, entry: Entry, source: str | None, work: Path, watch: Watch)
 def _from_base(part: File, entry: Entry, base: str, work: Path, watch: Watch) -> None:
     """From ``BASE/FILE``, or ``BASE/NAME/FILE`` as a copy of a cache has it."""
     try:
-        download(part, f"{base}/{part.file}", work, watch)
+        download(part, f"{base}/{part.file}", work, entry.name, watch)
     except NotThere:
-        download(part, f"{base}/{entry.name}/{part.file}", work, watch)
+        download(part, f"{base}/{entry.name}/{part.file}", work, entry.name, watch)
 
 
 def _from_folder(part: File, entry: Entry, folder: Path, work: Path) -> None:
