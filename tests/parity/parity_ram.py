@@ -45,7 +45,12 @@ def tiny(plus: bool) -> Any:
 
     def small(path: str) -> Any:
         given = json.loads(Path(path).read_text())
-        given |= {"hidden_size": 64, "intermediate_size": 128, "num_attention_heads": 4, "num_hidden_layers": 2}
+        given |= {
+            "hidden_size": 64,
+            "intermediate_size": 128,
+            "num_attention_heads": 4,
+            "num_hidden_layers": 2,
+        }
         return config.from_dict({**given, "vocab_size": 100})
 
     module.BertConfig = SimpleNamespace(from_json_file=small)

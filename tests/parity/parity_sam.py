@@ -26,7 +26,9 @@ POINTS = np.float32([[200, 240], [610.5, 130.25]])
 CUT = np.clip(BOXES, 0, [854, 480, 854, 480]).astype(np.float32)
 
 
-def compare(model: str, reference: str, what: str, network: Network, prompts: np.ndarray, wanted: Any) -> None:
+def compare(
+    model: str, reference: str, what: str, network: Network, prompts: np.ndarray, wanted: Any
+) -> None:
     """``wanted``: full logits (n, m, H, W) and predicted IoU (n, m) of the reference."""
     logits, quality = (np.asarray(part, np.float32) for part in wanted)
     bgr, _ = frame()
@@ -42,7 +44,12 @@ def compare(model: str, reference: str, what: str, network: Network, prompts: np
         same = min([same, *(iou(a > 0, b > 0) for a, b in zip(full, logits[index], strict=True))])
     on = (logits > 0).mean((-2, -1))
     spread = f"logits {logits.min():.1f} to {logits.max():.1f}, masks {on.min():.2f} to {on.max():.2f} of the frame"
-    row(model, reference, what, f"logits {worst:.1e}, predicted IoU {scores:.1e}, mask IoU {same:.5f} ({spread})")
+    row(
+        model,
+        reference,
+        what,
+        f"logits {worst:.1e}, predicted IoU {scores:.1e}, mask IoU {same:.5f} ({spread})",
+    )
     if labels == CORNERS:
         best = quality.argmax(1)
         chosen = masks_of_boxes(network, embedding, BOXES)
@@ -81,9 +88,21 @@ def hugging_face_sam(folder: Path) -> None:
         given = processor(picture, return_tensors="pt", **asked)
         sizes = given.pop("original_sizes"), given.pop("reshaped_input_sizes")
         with torch.no_grad():
-            out = model(**{name: value.float() if value.dtype == torch.float64 else value for name, value in given.items()})
+            out = model(
+                **{
+                    name: value.float() if value.dtype == torch.float64 else value
+                    for name, value in given.items()
+                }
+            )
         full = processor.image_processor.post_process_masks(out.pred_masks, *sizes, binarize=False)[0]
-        compare("SAM", "transformers 5.24, PIL processor and model", what, network, prompts, (full, out.iou_scores[0]))
+        compare(
+            "SAM",
+            "transformers 5.24, PIL processor and model",
+            what,
+            network,
+            prompts,
+            (full, out.iou_scores[0]),
+        )
 
 
 def hugging_face_sam2(folder: Path) -> None:
@@ -104,7 +123,9 @@ def hugging_face_sam2(folder: Path) -> None:
     model = shaken(Sam2Model(config))
     model.save_pretrained(folder / "source")
     network = opened(export_sam(folder / "source", folder / "graphs"))
-    transforms = Compose([ToTensor(), Resize((side, side)), Normalize((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))])
+    transforms = Compose(
+        [ToTensor(), Resize((side, side)), Normalize((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))]
+    )
     processor = Sam2Processor(Sam2ImageProcessor(size={"height": side, "width": side}), target_size=side)
     _, picture = frame()
     for what, prompts, asked in (
@@ -113,7 +134,10 @@ def hugging_face_sam2(folder: Path) -> None:
     ):
         given = processor(images=picture, return_tensors="pt", **asked)
         sizes = given.pop("original_sizes")
-        for reference in ("transformers 5.24, processor and model", "transformers 5.24, the authors' picture"):
+        for reference in (
+            "transformers 5.24, processor and model",
+            "transformers 5.24, the authors' picture",
+        ):
             with torch.no_grad():
                 out = model(**given, multimask_output=True)
             full = processor.post_process_masks(out.pred_masks, sizes, binarize=False)[0]
@@ -129,10 +153,16 @@ def predictor(name: str, reference: str, theirs: Any, network: Network) -> None:
     answers = [theirs.predict(box=box, multimask_output=True, return_logits=True) for box in CUT]
     logits, quality, low = (np.stack(part) for part in zip(*answers, strict=True))
     compare(name, reference, "3 boxes", network, CUT, (logits, quality))
-    dots = [theirs.predict(dot[None], np.ones(1), multimask_output=True, return_logits=True)[:2] for dot in POINTS]
-    compare(name, reference, "2 points", network, POINTS, [np.stack(part) for part in zip(*dots, strict=True)])
+    dots = [
+        theirs.predict(dot[None], np.ones(1), multimask_output=True, return_logits=True)[:2] for dot in POINTS
+    ]
+    compare(
+        name, reference, "2 points", network, POINTS, [np.stack(part) for part in zip(*dots, strict=True)]
+    )
     again = [
-        theirs.predict(box=box, mask_input=before[score.argmax()][None], multimask_output=True, return_logits=True)
+        theirs.predict(
+            box=box, mask_input=before[score.argmax()][None], multimask_output=True, return_logits=True
+        )
         for box, before, score in zip(CUT, low, quality, strict=True)
     ]
     tables = {**network.contract.tables, "masks": {**network.contract.tables["masks"], "passes": 2}}
@@ -153,7 +183,9 @@ def meta_sam(folder: Path) -> None:
         global_attn_indexes=(1,),
     )  # fmt: skip
     grid = (side // 16, side // 16)
-    prompts = PromptEncoder(embed_dim=length, image_embedding_size=grid, input_image_size=(side, side), mask_in_chans=16)
+    prompts = PromptEncoder(
+        embed_dim=length, image_embedding_size=grid, input_image_size=(side, side), mask_in_chans=16
+    )
     transformer = TwoWayTransformer(depth=2, embedding_dim=length, mlp_dim=128, num_heads=4)
     decoder = MaskDecoder(transformer_dim=length, transformer=transformer, iou_head_hidden_dim=64)
     model = shaken(Sam(encoder, prompts, decoder))
@@ -194,7 +226,11 @@ def efficient_sam(folder: Path, clone: Path) -> None:
     image, points = torch.rand(1, 3, 300, 400), torch.rand(1, 2, 2, 2) * 300
     labels = torch.tensor([[[2.0, 3.0], [2.0, 3.0]]])
     free = {1: "prompts", 2: "points"}
-    axes = {"batched_images": {2: "height", 3: "width"}, "batched_point_coords": free, "batched_point_labels": free}
+    axes = {
+        "batched_images": {2: "height", 3: "width"},
+        "batched_point_coords": free,
+        "batched_point_labels": free,
+    }
     names = ["output_masks", "iou_predictions", "low_res_masks"]
     wrapped = onnx_models.OnnxEfficientSam(model)
     export_graph(wrapped, [image, points, labels], folder / "esam.onnx", list(axes), names, axes)
