@@ -13,7 +13,6 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import onnx
 from conftest import textured
@@ -508,7 +507,7 @@ def coloured_clip(frames: int, height: int, width: int, seed: int = 0) -> tuple[
             3: width - _bounced(5 * (t - frames // 2), width) if t > frames // 2 else width,
             4: _bounced(width // 3 + 2 * t, room),
         }
-        for number, colour in enumerate(COLOURS.values(), 1):
+        for number in range(1, len(COLOURS) + 1):
             top = lane * (number - 1) + (lane - side) // 2
             shown = slice(top, top + side), slice(left[number], min(left[number] + side, width))
             image[shown] = skins[number][:, : shown[1].stop - shown[1].start]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
@@ -54,7 +52,9 @@ def test_depth_is_that_of_the_network(goat: Result) -> None:
         (disparity,) = direct("tcmonodepth-small", np.ascontiguousarray(tensor.transpose(2, 0, 1)[None]))
         full = cv2.resize(disparity[0, 0], image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
         np.testing.assert_array_equal(found, relative(full, found.shape).astype(np.float16))
-    assert stored[:, -40:].mean() > 1.5 * stored[:, :40].mean(), "near is large: the rocks in front, not the slope"
+    assert stored[:, -40:].mean() > 1.5 * stored[:, :40].mean(), (
+        "near is large: the rocks in front, not the slope"
+    )
 
 
 def test_boxes_scores_and_masks_are_those_of_the_network(goat: Result) -> None:

@@ -217,6 +217,7 @@ def efficient_sam(folder: Path, clone: Path) -> None:
     sys.path.insert(0, str(clone))
     import onnx_models
     from efficient_sam.efficient_sam import build_efficient_sam
+
     from zsmoseg.networks.export.common import export_graph, write_contract
 
     torch.manual_seed(0)
