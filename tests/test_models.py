@@ -27,9 +27,13 @@ from onnx import TensorProto, helper, numpy_helper
 from zsmoseg.errors import ModelError
 from zsmoseg.networks.contract import contract_of, load_contract
 from zsmoseg.networks.decoders import MasksTable
+from zsmoseg.networks.depth import kind_of
+from zsmoseg.networks.flow import check_flow
 from zsmoseg.networks.tags import TagsTable
 from zsmoseg.networks.text_boxes import TextTable
 from zsmoseg.settings import PRESETS
+from zsmoseg.tracking.by_cutie import Cutie
+from zsmoseg.tracking.by_deaot import Deaot
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.models import catalogue, downloading
 from zsmoseg.workflows.models.catalogue import entries
@@ -216,9 +220,20 @@ def test_an_entry_is_a_contract_that_its_adapter_reads(name: str) -> None:
     assert found.name == name
     assert found.licence
     assert found.source.startswith("https://")
-    table = {"tags": TagsTable, "text-boxes": TextTable, "box-masks": MasksTable}.get(found.task)
-    if table is not None:
-        found.extra({"tags": "tags", "text-boxes": "text", "box-masks": "masks"}[found.task], table)
+    tables = {
+        "tags": ("tags", TagsTable),
+        "text-boxes": ("text", TextTable),
+        "box-masks": ("masks", MasksTable),
+    }
+    styles = {"cutie": Cutie, "deaot": Deaot}
+    if found.task == "tracker":
+        found.extra("tracker", styles[found.tables["tracker"]["style"]])
+    elif found.task in tables:
+        found.extra(*tables[found.task])
+    elif found.task == "depth":
+        assert kind_of(found)
+    else:
+        check_flow(found)
 
 
 @pytest.mark.parametrize("name", ENTRIES)
