@@ -13,10 +13,12 @@ from graphs import coloured_clip, write_depth, write_detector, write_instances, 
 from runs import data_bytes, masks, segment
 
 from zsmoseg.workflows.cli import main
+from zsmoseg.workflows.planning.plan import following
 from zsmoseg.workflows.result import Result, open_store
+from zsmoseg.workflows.stages.graph import GRAPHS
 
 FRAMES, HEIGHT, WIDTH = 24, 180, 240
-MIDWAY, BLUE = FRAMES // 2, 3
+MIDWAY, GREEN, BLUE = FRAMES // 2, 2, 3
 
 
 @pytest.fixture(scope="module")
@@ -166,3 +168,53 @@ def test_categories_go_into_the_exports(chain: tuple[Path, Any], tmp_path: Path)
         "blue square",
         "yellow square",
     }
+
+
+GRID = {"proposals.model": "segmenter", "proposals.points": 8, "looks.span": 6}
+ACTS: dict[str, tuple[dict[str, Any], Any]] = {
+    "looks.span": (CHAIN, 8),
+    "proposals.points": (GRID, 4),
+    "tags.prompt": ({**CHAIN, "tags.model": "", "tags.prompt": "red square, yellow square"}, "red square"),
+    "selection.score": (CHAIN, 0.99),
+    "selection.quality": (GRID, 0.95),
+    "selection.stability": (GRID, 1.0),
+    "selection.overlap": ({**GRID, "selection.quality": 0.0, "selection.stability": 0.0}, 0.99),
+    "selection.largest": (CHAIN, 0.01),
+    "selection.deny": (CHAIN, ["red square"]),
+    "linking.overlap": ({**CHAIN, "looks.span": 12}, 1.0),
+    "linking.gap": (CHAIN, 1),
+    "tracking.handover": ({**CHAIN, "linking.overlap": 0.97}, 1),
+    "tracking.carry": (CHAIN, False),
+}
+"""Settings of networks: with what they act, and another value."""
+
+
+@pytest.mark.parametrize("name", ACTS)
+def test_a_setting_of_networks_recomputes_its_stages_and_changes_something(
+    name: str, clip: tuple[Path, np.ndarray], tmp_path: Path
+) -> None:
+    start, value = ACTS[name]
+    source = faded(clip, tmp_path) if name in ("linking.gap", "tracking.carry") else clip[0]
+    segment(source, tmp_path, start, until=["objects", "labels"])
+    old = label_of(tmp_path)
+    _, counter = segment(source, tmp_path, {**start, name: value}, until=["objects", "labels"])
+    graph = GRAPHS["network-flow"]
+    readers = {stage.name for stage in graph.values() if name.split(".")[0] in stage.section_names}
+    assert counter.stages == set().union(*(following(graph, reader) for reader in readers)) & TO_LABELS
+    assert not np.array_equal(old, label_of(tmp_path)), f"{name} = {value} changed nothing"
+
+
+def faded(clip: tuple[Path, np.ndarray], root: Path) -> Path:
+    """The clip with a green square that is too pale to be proposed in two spans."""
+    images = coloured_clip(FRAMES, HEIGHT, WIDTH)[0]
+    for image, truth in zip(images[5:17], clip[1][5:17], strict=True):
+        image[truth == GREEN] = 0.6 * image[truth == GREEN] + 50
+    return write_folder(root / "faded" / "clip", images)
+
+
+TO_LABELS = {"tags", "detections", "proposals", "tracks", "objects", "labels"}
+
+
+def label_of(root: Path) -> np.ndarray:
+    """The objects of every pixel, of the latest run."""
+    return open_store(root / "store").get("clip").labels.label

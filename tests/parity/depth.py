@@ -131,7 +131,7 @@ def anything(folder: Path, kind: str, authors: Path | None) -> None:
         outputs = model(tensor)
         row(name, "transformers", "output of the network", outputs.predicted_depth, run(found, ours), 1e-3)
         got = next(network_depth(found, [image], size))
-        for aligned, limit in ((False, 1e-3), (True, 1.0)):
+        for aligned, limit in ((True, 1e-3), (False, 1.0)):
             full = F.interpolate(outputs.predicted_depth[None], size, mode="bilinear", align_corners=aligned)[
                 0, 0
             ]

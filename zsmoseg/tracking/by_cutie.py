@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -146,7 +146,7 @@ class CutieTracker:
             some.newest.append(self._frame(some.numbers, found["mask_value"]))
         if fresh:
             first = self._frame(fresh, found["mask_value"])
-            self.together.append(_Together(fresh, first, deque((), self.rules.frames - 1)))
+            self.together.append(_Together(fresh, first, deque(maxlen=self.rules.frames - 1)))
         self.since = 0
 
     def _frame(self, numbers: Sequence[int], value: Real) -> Tensors:
