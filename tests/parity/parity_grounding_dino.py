@@ -7,8 +7,10 @@ with the vocabulary of uncased BERT (the tokens that end a phrase are numbers in
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 import tempfile
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +18,8 @@ from rows import frame, row, shaken
 
 import zsmoseg.networks.text_boxes as ours
 from zsmoseg.networks.contract import load_contract
-from zsmoseg.networks.export.grounding_dino import export_grounding_dino
+from zsmoseg.networks.export.common import as_module, export_graph, write_contract
+from zsmoseg.networks.export.grounding_dino import export_grounding_dino, phrase_mask
 from zsmoseg.networks.prompts import prompts_of, tokenizer_of
 from zsmoseg.networks.session import Network
 
@@ -46,7 +49,88 @@ def tiny(folder: Path, vocabulary: Path) -> object:
     return model
 
 
-def compare(model: object, network: Network, folder: Path, size: tuple[int, int], count: int) -> None:
+def original_form(model: object, source: Path, folder: Path, size: tuple[int, int]) -> Network:
+    """The same network with the tensors of the authors' own exports, where the host says which tokens are a phrase."""
+    import torch
+    from transformers.models.grounding_dino import modeling_grounding_dino as modelling
+
+    given: list[object] = []
+    modelling.generate_masks_with_special_tokens_and_transfer_map = lambda *_, **__: tuple(given)
+
+    def forward(img, input_ids, attention_mask, position_ids, token_type_ids, text_token_mask):
+        given[:] = text_token_mask, position_ids
+        text = {
+            "input_ids": input_ids,
+            "token_type_ids": token_type_ids,
+            "attention_mask": attention_mask.long(),
+        }
+        out = model(pixel_values=img, **text)
+        return out.logits.clamp(min=-1e4), out.pred_boxes
+
+    (prompt,) = prompts_of(["dog", "red car"], tokenizer_of((source / "vocab.txt").read_bytes(), "vocab.txt"))
+    text = [prompt.input_ids, prompt.attention_mask.astype(bool), prompt.position_ids, prompt.token_type_ids,
+            prompt.text_token_mask]  # fmt: skip
+    names = ["img", "input_ids", "attention_mask", "position_ids", "token_type_ids", "text_token_mask"]
+    axes = {name: {1: "tokens"} for name in names[1:5]} | {"img": {2: "height", 3: "width"}}
+    axes["text_token_mask"] = {1: "tokens", 2: "tokens"}
+    path = folder / "original.onnx"
+    args = [torch.rand(1, 3, *size), *map(torch.from_numpy, text)]
+    export_graph(as_module(forward, model), args, path, names, ["logits", "boxes"], axes)
+    content = tomllib.loads((folder / "contract.toml").read_text())
+    content["graph"] = {"main": {"file": path.name, "inputs": {"image": "img"}}}
+    return Network(load_contract(write_contract(folder, content).parent), "cpu")
+
+
+def authors_masks(vocabulary: Path) -> None:
+    """Masks and positions of phrases against the function of the package groundingdino-py."""
+    import torch
+
+    # by its file: the package itself wants a compiler and half a dozen others
+    (root,) = importlib.util.find_spec("groundingdino").submodule_search_locations
+    file = Path(root) / "models/GroundingDINO/bertwarper.py"
+    spec = importlib.util.spec_from_file_location("bertwarper", file)
+    theirs = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(theirs)
+
+    tokenizer = tokenizer_of(vocabulary.read_bytes(), "vocab.txt")
+    wrong = 0
+    for count in range(1, 60):
+        for prompt in prompts_of([WORDS[i % len(WORDS)] for i in range(count)], tokenizer):
+            ids = {"input_ids": torch.from_numpy(prompt.input_ids)}
+            mask, positions, _ = theirs.generate_masks_with_special_tokens_and_transfer_map(
+                ids, [101, 102, 1012, 1029], None
+            )
+            same = [
+                np.array_equal(mask, prompt.text_token_mask),
+                np.array_equal(positions, prompt.position_ids),
+            ]
+            wrong += not all(same)
+    row(
+        "Grounding DINO",
+        "groundingdino-py 0.4.0",
+        "mask and positions, 1 to 59 phrases",
+        f"{wrong} prompts differ",
+    )
+
+
+def exported_masks() -> None:
+    """The function that the export puts in place of transformers' own, on texts of random tokens and ends."""
+    import torch
+    from transformers.models.grounding_dino import modeling_grounding_dino as modelling
+
+    draws, special, wrong = np.random.default_rng(0), torch.tensor(modelling.SPECIAL_TOKENS), 0
+    for _ in range(300):
+        ids = torch.tensor(
+            draws.choice([*modelling.SPECIAL_TOKENS, *range(5, 12)], (1, draws.integers(2, 60)))
+        )
+        theirs = modelling.generate_masks_with_special_tokens_and_transfer_map(ids, special)
+        wrong += not all(map(torch.equal, theirs, phrase_mask(ids, special)))
+    row("Grounding DINO", "transformers 5.24", "mask of the export, 300 random texts", f"{wrong} differ")
+
+
+def compare(
+    model: object, network: Network, folder: Path, size: tuple[int, int], count: int, form: str
+) -> None:
     """Scores and boxes of ``count`` phrases."""
     import torch
     from transformers import BertTokenizerFast, GroundingDinoImageProcessorPil, GroundingDinoProcessor
@@ -82,8 +166,20 @@ def compare(model: object, network: Network, folder: Path, size: tuple[int, int]
     boxes = np.abs(raw.box[match] - box[order]).max()
     scores = np.abs(raw.phrase_score[match] - score[order]).max()
     spread = f"scores {score.min():.3f} to {score.max():.3f}"
-    row("Grounding DINO", "transformers 5.24, PIL processor and model", f"{size[1]} x {size[0]}, {count} phrases",
+    row("Grounding DINO", "transformers 5.24, PIL processor and model", f"{form}, {size[1]} x {size[0]}, {count} phrases",
         f"boxes {boxes:.1e} px, scores {scores:.1e} ({spread})")  # fmt: skip
+
+
+def compare_original(model: object, folder: Path) -> None:
+    from transformers.models.grounding_dino import modeling_grounding_dino as modelling
+
+    name = "generate_masks_with_special_tokens_and_transfer_map"
+    theirs, size = getattr(modelling, name), SIZES[0]
+    export_grounding_dino(folder / "source", folder / "graphs", height=size[0], width=size[1])
+    network = original_form(model, folder / "source", folder / "graphs", size)
+    setattr(modelling, name, theirs)
+    for count in (1, 3, 40):
+        compare(model, network, folder / "source", size, count, "the authors' tensors")
 
 
 def main(vocabulary: Path) -> None:
@@ -94,7 +190,10 @@ def main(vocabulary: Path) -> None:
             export_grounding_dino(folder / "source", folder / "graphs", height=size[0], width=size[1])
             network = Network(load_contract(folder / "graphs"), "cpu")
             for count in (1, 3, 40):
-                compare(model, network, folder / "source", size, count)
+                compare(model, network, folder / "source", size, count, "transformers' tensors")
+        compare_original(model, folder)
+    authors_masks(vocabulary)
+    exported_masks()
 
 
 if __name__ == "__main__":

@@ -250,6 +250,28 @@ def efficient_sam(folder: Path, clone: Path) -> None:
         with torch.no_grad():
             out = wrapped(picture, asked, torch.tensor([label] * len(prompts))[None])
         compare("EfficientSAM", "the authors' code", what, network, prompts, (out[0][0], out[1][0]))
+        if len(prompts) == len(CUT):
+            slots(wrapped, folder / "slots", content, out)
+
+
+def slots(wrapped: Any, folder: Path, content: dict[str, Any], out: Any) -> None:
+    """One box a call in six slots of points, labels of one axis more, as opencv_zoo has it; at a size of its own."""
+    import torch
+
+    from zsmoseg.networks.export.common import as_module, export_graph, write_contract
+
+    points, labels = torch.zeros(1, 1, 6, 2), -torch.ones(1, 1, 6, 1)
+    points[0, 0, :2], labels[0, 0, :2, 0] = torch.rand(2, 2) * 200, torch.tensor([2.0, 3.0])
+    network = as_module(lambda image, xy, kinds: wrapped(image, xy, kinds[..., 0])[:2], wrapped)
+    names = list(content["graph"]["main"]["inputs"].values())
+    args = [torch.rand(1, 3, 480, 854), points, labels]
+    export_graph(network, args, folder / "esam.onnx", names, ["output_masks", "iou_predictions"])
+    resize = {"rule": "stretch", "height": 480, "width": 854}
+    said = {**content, "input": {**content["input"], "resize": resize}, "masks": {"style": "efficient-sam"}}
+    opened_slots = opened(write_contract(folder, said))
+    compare(
+        "EfficientSAM, six slots", "the authors' code", "3 boxes", opened_slots, CUT, (out[0][0], out[1][0])
+    )
 
 
 def main(clones: list[Path]) -> None:
