@@ -13,7 +13,6 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import onnx
 from conftest import textured
@@ -357,6 +356,65 @@ def _between(graph: Graph, x: str, low: str, high: str, axis: int, y: str) -> st
     return graph("And", *parts)
 
 
+def write_box_filler(folder: Path, style: str, slots: bool = False) -> Path:
+    """A decoder that gives the box itself, for any number of boxes a call, in three answers of which the second counts.
+
+    Parameters
+    ----------
+    style : ``efficient-sam``: one graph, which takes the picture; ``transformers``: after an encoder.
+    slots : six points a box and labels of one axis more, as in opencv_zoo's EfficientSAM.
+    """
+    graph, whole = Graph(), style == "efficient-sam"
+    labels = graph("Cast", "labels", to=FLOAT)
+    labels = labels if slots else graph("Unsqueeze", labels, np.int64([3]))
+    corners = []
+    for label in (2.0, 3.0):
+        chosen = graph("Cast", graph("Equal", labels, np.float32(label)), to=FLOAT)
+        corners.append(graph("ReduceSum", graph("Mul", "points", chosen), np.int64([2]), keepdims=0))
+    source, scale = ("picture", 1.0) if whole else ("embedding", 0.5)
+    shape = {2: [1, 1, -1, 1], 3: [1, 1, 1, -1]}
+    inside = []
+    for axis, number in ((3, 0), (2, 1)):
+        place = graph(
+            "Reshape", graph("Add", graph.steps(source, axis), np.float32(0.5)), np.int64(shape[axis])
+        )
+        low, high = (
+            graph(
+                "Unsqueeze",
+                graph("Mul", graph("Gather", c, np.int64([number]), axis=2), np.float32(scale)),
+                np.int64([3]),
+            )
+            for c in corners
+        )
+        inside += [graph("GreaterOrEqual", place, low), graph("Less", place, high)]
+    mask = graph("And", graph("And", inside[0], inside[1]), graph("And", inside[2], inside[3]))
+    logits = graph("Where", graph("Unsqueeze", mask, np.int64([2])), np.float32(8), np.float32(-8))
+    graph("Mul", logits, np.float32([-1, 1, -1]).reshape(1, 1, 3, 1, 1), name="logits")
+    count = graph("Mul", graph("ReduceSum", labels, np.int64([2]), keepdims=1), np.float32([0, 0, 0]))
+    graph("Add", graph("Squeeze", count, np.int64([2])), np.float32([0.1, 0.8, 0.2]), name="quality")
+    points: Any = 6 if slots else "points"
+    picture = {"picture": (FLOAT, [1, 3, "height", "width"])}
+    seen = picture if whole else {"embedding": (FLOAT, [1, 3, "rows", "columns"])}
+    axes = [1, "boxes", points]
+    inputs = {**seen, "points": (FLOAT, [*axes, 2])}
+    inputs["labels"] = (FLOAT if whole else INT, [*axes, 1] if slots else axes)
+    outputs = {"logits": (FLOAT, [1, "boxes", 3, "high", "wide"]), "quality": (FLOAT, [1, "boxes", 3])}
+    decoder = graph.write(folder / "decoder.onnx", inputs, outputs)
+    encoder = Graph()
+    encoder("AveragePool", "picture", name="embedding", kernel_shape=[2, 2], strides=[2, 2])
+    first = encoder.write(folder / "encoder.onnx", picture, {"embedding": (FLOAT, [1, 3, "rows", "columns"])})
+    content = {
+        "name": "box-filler",
+        "task": "box-masks",
+        "graph": {"main": {**decoder, "inputs": {"image": "picture"}}}
+        if whole
+        else {"encoder": {**first, "inputs": {"image": "picture"}}, "decoder": decoder},
+        "input": {**RGB, "resize": {"rule": "stretch", "height": 192, "width": 256}},
+        "masks": {"style": style, "boxes_per_call": 2, "upsample": "canvas" if whole else "frame"},
+    }
+    return write_contract(folder, content)
+
+
 def write_depth(folder: Path) -> Path:
     """A relative inverse depth at half the size: nearer below, and plain colours nearer than pale ones."""
     graph = Graph()
@@ -427,7 +485,7 @@ def write_instances(folder: Path, side: int = 256) -> Path:
 
 
 def coloured_clip(frames: int, height: int, width: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Plain squares that move by themselves before a panning camera's textured background.
+    """Squares, nearly plain, that move by themselves before a panning camera's textured background.
 
     Red moves right, green left, yellow right; blue comes in from the right in the middle of the clip.
 
@@ -438,23 +496,32 @@ def coloured_clip(frames: int, height: int, width: int, seed: int = 0) -> tuple[
     """
     world = textured(np.random.default_rng(seed), height, width + frames, (110, 130, 90))
     side, lane = min(height, width) // 5, height // 4
+    skins = [np.zeros(0), *(_skin(side, colour, number) for number, colour in enumerate(COLOURS.values(), 1))]
     room = width - side
     images, truth = [], np.zeros((frames, height, width), np.uint8)
     for t in range(frames):
         image = world[:, t : t + width].copy()
         left = {
             1: _bounced(width // 20 + 3 * t, room),
-            2: _bounced(room - width // 20 - 2 * t, room),
-            3: width - _bounced(3 * (t - frames // 2), width) if t > frames // 2 else width,
+            2: _bounced(room - width // 20 - 5 * t, room),
+            3: width - _bounced(5 * (t - frames // 2), width) if t > frames // 2 else width,
             4: _bounced(width // 3 + 2 * t, room),
         }
-        for number, colour in enumerate(COLOURS.values(), 1):
+        for number in range(1, len(COLOURS) + 1):
             top = lane * (number - 1) + (lane - side) // 2
-            rectangle = (left[number], top, side, side)
-            cv2.rectangle(image, rectangle, [255 * part for part in colour[::-1]], cv2.FILLED)
-            cv2.rectangle(truth[t], rectangle, number, cv2.FILLED)
+            shown = slice(top, top + side), slice(left[number], min(left[number] + side, width))
+            image[shown] = skins[number][:, : shown[1].stop - shown[1].start]
+            truth[t][shown] = number
         images.append(image)
     return np.stack(images), truth
+
+
+def _skin(side: int, colour: tuple[int, ...], seed: int) -> np.ndarray:
+    """(side, side, 3) BGR: a colour with a texture that flow can follow, well within what the graphs take for it."""
+    rough = textured(np.random.default_rng(seed), side, side, (128, 128, 128)).astype(np.float32)
+    away = 36 * (rough - rough.min()) / (rough.max() - rough.min())
+    pure = np.array([255 * part for part in colour[::-1]], np.float32)
+    return np.abs(pure - away).astype(np.uint8)
 
 
 def _bounced(place: int, room: int) -> int:

@@ -15,6 +15,7 @@ from graphs import (
     TAGS,
     VOCABULARY,
     coloured_clip,
+    write_box_filler,
     write_detector,
     write_lines,
     write_segmenter,
@@ -267,6 +268,40 @@ def test_masks_of_boxes_are_the_objects(tmp_path: Path, shape: tuple[int, int]) 
     assert not masks.mask[2].any(), "a box outside the frame"
     np.testing.assert_allclose(masks.quality, [0.9, 0.9, 0], atol=1e-6)
     assert (masks.stability[:2] > 0.8).all()
+
+
+@pytest.mark.parametrize(
+    ("style", "slots"), [("efficient-sam", False), ("efficient-sam", True), ("transformers", False)]
+)
+def test_other_forms_of_decoders_take_several_boxes_a_call(tmp_path: Path, style: str, slots: bool) -> None:
+    network, frame = opened(write_box_filler(tmp_path, style, slots)), picture()
+    boxes = np.concatenate([BOXES, np.float32([[-5, 90, 60, 140]])])
+    masks = masks_of_boxes(network, embed(network, frame), boxes)
+    for mask, (left, top, right, bottom) in zip(
+        masks.mask, np.clip(boxes, 0, [203, 117, 203, 117]), strict=True
+    ):
+        y, x = np.nonzero(mask)
+        np.testing.assert_allclose(
+            [x.min(), y.min(), x.max() + 1, y.max() + 1], [left, top, right, bottom], atol=1.01
+        )
+    np.testing.assert_allclose(masks.quality, 0.8)
+
+
+def test_two_passes_are_refused_where_no_logits_are_taken_back(tmp_path: Path) -> None:
+    folder = write_box_filler(tmp_path, "efficient-sam", slots=True)
+    text = (folder / "contract.toml").read_text()
+    (folder / "contract.toml").write_text(text.replace("boxes_per_call", "passes = 2, boxes_per_call"))
+    network = opened(folder)
+    with pytest.raises(ModelError, match="passes = 2"):
+        embed(network, picture())
+
+
+def test_one_step_upsampling_of_a_padded_picture_is_refused(tmp_path: Path) -> None:
+    folder = write_segmenter(tmp_path)
+    text = (folder / "contract.toml").read_text()
+    (folder / "contract.toml").write_text(text.replace("passes = 1", 'upsample = "frame"'))
+    with pytest.raises(ModelError, match="fills the canvas"):
+        embed(opened(folder), picture())
 
 
 def test_no_boxes_are_no_masks(tmp_path: Path) -> None:

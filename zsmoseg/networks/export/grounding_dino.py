@@ -130,14 +130,14 @@ def _phrases_apart() -> Iterator[None]:
         setattr(modelling, name, theirs)
 
 
-def phrase_mask(ids: Any, special: Any) -> tuple[Any, Any]:
+def phrase_mask(input_ids: Any, special_tokens: Any) -> tuple[Any, Any]:
     """Which tokens attend to which, and their positions within their phrases.
 
     Parameters
     ----------
-    ids
+    input_ids
         (1, T) tokens.
-    special
+    special_tokens
         (k,) those that end a phrase: [CLS], [SEP], "." and "?".
 
     Returns
@@ -147,9 +147,9 @@ def phrase_mask(ids: Any, special: Any) -> tuple[Any, Any]:
     """
     import torch
 
-    length = ids.shape[1]
+    length = input_ids.shape[1]
     place = torch.arange(length)
-    ends = (ids[:, :, None] == torch.as_tensor(special)).any(-1)  # (1, T)
+    ends = (input_ids[:, :, None] == torch.as_tensor(special_tokens)).any(-1)  # (1, T)
     behind = place[None, :] >= place[:, None]
     before = place[None, :] < place[:, None]
     nothing = torch.full_like(place, -1)

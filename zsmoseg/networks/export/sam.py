@@ -90,7 +90,8 @@ def export_sam2(model: Any, folder: Path, name: str) -> Path:
         lambda points, labels, *embeddings: _decoded(model, points, labels, embeddings, pad=True), model
     )
     names = ["high_res_feats_0", "high_res_feats_1", EMBEDDING]
-    resize = {"rule": "stretch", "height": side, "width": side, "interpolation": "antialias"}
+    # SAM 2's own code shrinks numbers, not bytes
+    resize = {"rule": "stretch", "height": side, "width": side, "interpolation": "antialias", "on": "float32"}
     rules = {"upsample": "frame", "pad_point": False}
     return _two_graphs(encoder, decoder, names, side, folder, name, resize, rules)
 
