@@ -13,10 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.errors import SettingsError
 from zsmoseg.tracking.carrying import Label
 from zsmoseg.tracking.matching import Ids, matched, overlaps
 from zsmoseg.tracking.protocol import Factory, Frame, Step, Tracker
 
+MOST = int(np.iinfo(np.uint16).max)
+"""Numbers of objects that a label image holds."""
 FREE = 0.5
 """Part of a carried object that no new mask covers; with less it is one of them, seen otherwise."""
 
@@ -104,6 +107,11 @@ def follow(moments: Iterable[Moment], factory: Factory, spans: Spans, last: int 
         Makes the tracker of each span.
     last
         Number of the last object of the shots before: the first new one is the next.
+
+    Raises
+    ------
+    SettingsError
+        There are more objects than a label image holds.
     """
     return _Follower(factory, spans, last).run(moments)
 
@@ -193,6 +201,11 @@ class _Follower:
         fresh = objects == 0
         objects[fresh] = self.last + 1 + np.arange(int(fresh.sum()))
         self.last += int(fresh.sum())
+        if self.last > MOST:
+            raise SettingsError(
+                f"more than {MOST} objects up to this frame, more than a label image holds; propose fewer masks, or link "
+                "more of them (a smaller overlap)"
+            )
         # those that parted from the mask that they were in the key frame
         late = self._carried(np.setdiff1d(alive, np.concatenate([found, between.carried])))
         count = between.count + len(between.carried)
