@@ -34,8 +34,6 @@ from zsmoseg.tracking.protocol import Frame, Step
 
 Real = NDArray[np.float32]
 Tensors = dict[str, Real]
-STRIDE = 16
-"""px of the image a cell."""
 
 
 class Cutie(Table):
@@ -177,7 +175,9 @@ class CutieTracker:
     def _inside(self) -> NDArray[np.bool_]:
         """(h, w) whether the middle of a cell shows the frame, not the border around it."""
         assert self.where is not None
-        y, x = np.mgrid[: self.last["key"].shape[2], : self.last["key"].shape[3]] * STRIDE + STRIDE // 2
+        rows, columns = self.last["key"].shape[2:]
+        cell = self.where.canvas[0] // rows
+        y, x = np.mgrid[:rows, :columns] * cell + cell // 2
         (height, width), top, left = self.where.resized, self.where.top, self.where.left
         return np.asarray((y >= top) & (y < top + height) & (x >= left) & (x < left + width))
 
