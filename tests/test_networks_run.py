@@ -10,11 +10,16 @@ import numpy as np
 import pytest
 from conftest import write_folder
 from graphs import coloured_clip, write_depth, write_detector, write_instances, write_segmenter, write_tagger
+from graphs_flow import write_flow
+from graphs_tracker import write_tracker
 from runs import data_bytes, masks, segment
 
+from zsmoseg.settings import PRESETS, defaults, resolve
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.planning.plan import following
 from zsmoseg.workflows.result import Result, open_store
+from zsmoseg.workflows.running.request import Request
+from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.stages.graph import GRAPHS
 
 FRAMES, HEIGHT, WIDTH = 24, 180, 240
@@ -218,3 +223,54 @@ TO_LABELS = {"tags", "detections", "proposals", "tracks", "objects", "labels"}
 def label_of(root: Path) -> np.ndarray:
     """The objects of every pixel, of the latest run."""
     return open_store(root / "store").get("clip").labels.label
+
+
+PAPER = {"looks.span": 6, "chunk.length": 6}
+
+
+@pytest.fixture(scope="module")
+def paper(clip: tuple[Path, np.ndarray], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The whole preset ``paper`` with a small graph in the place of every network."""
+    root = tmp_path_factory.mktemp("paper")
+    write_tagger(root / "models/ram")
+    write_detector(root / "models/grounding-dino-tiny")
+    write_segmenter(root / "models/sam-vit-b")
+    write_tracker(root / "models/deaot-l")
+    write_flow(root / "models/pwc-net", radius=6)
+    write_depth(root / "models/dpt-dinov2-small-nyu")
+    return root / "models", root
+
+
+def run_paper(clip: Path, models: Path, root: Path, scheduler: str, **more: Any) -> Any:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ZSMOSEG_MODELS", str(models))
+        settings = resolve("paper", overrides={**PAPER, **more})
+        request = Request([str(clip)], root / "out", root / "store", settings, scheduler, 2)
+        report = run(request)
+    assert not report.failures
+    return report
+
+
+def test_the_whole_paper_runs_and_the_executor_changes_no_byte(
+    paper: tuple[Path, Path], clip: tuple[Path, np.ndarray]
+) -> None:
+    models, root = paper
+    run_paper(clip[0], models, root / "serial", "serial")
+    found = result(root / "serial")
+    label = found.labels.label
+    assert found.artifact("flow").description["settings"]["flow"]["source"] == "network"
+    for n, name in enumerate(found.categories[1:], 1):
+        truth = clip[1] == 1 + ["red", "green", "blue", "yellow"].index(name.split()[0])
+        seen = (label == n).any((1, 2))
+        assert overlap(label[seen] == n, truth[seen]) > 0.8, name
+    run_paper(clip[0], models, root / "dask", "local")
+    assert data_bytes(root / "dask" / "store") == data_bytes(root / "serial" / "store")
+    moving = masks(root / "serial/out/clip") > 0
+    np.testing.assert_array_equal(moving, (found.groups.group > 0)[label])
+    assert len(np.unique(found.groups.group)) == 2, "the paper is told how many groups there are"
+    ours = {name: defaults()[name] for name in PRESETS["paper-core"]}
+    again = run_paper(clip[0], models, root / "serial", "serial", **ours)
+    assert again.plans[0].stages["tracks"].key == found.keys["tracks"]
+    known = clip[1] != BLUE
+    moving = masks(root / "serial/out/clip") > 0
+    assert overlap(moving & known, (clip[1] > 0) & known) > 0.8, "our decision on the paper's front end"
