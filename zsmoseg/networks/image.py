@@ -160,15 +160,25 @@ def prepare(frame: Frame, image: Image) -> tuple[Tensor, Geometry]:
     values: NDArray[Any] = _scaled(frame, where, image.resize)
     if image.resize.pad_value is not None:
         values = _padded(values, where, image.resize, image.resize.pad_value)
-    if image.colour_order == "RGB":
-        values = values[..., ::-1]
-    mean, std = (np.array(numbers, np.float32) for numbers in (image.mean, image.std))
-    tensor = (values.astype(np.float32) * np.float32(image.scale) - mean) / std
+    planes = _normalised(values, image)
     if image.resize.pad_value is None:
-        tensor = _padded(tensor, where, image.resize, [0.0, 0.0, 0.0])
+        planes = _padded(planes.transpose(1, 2, 0), where, image.resize, [0.0, 0.0, 0.0]).transpose(2, 0, 1)
     if image.layout == "HWC":
-        return np.ascontiguousarray(tensor), where
-    return np.ascontiguousarray(tensor.transpose(2, 0, 1)[None]), where
+        return np.ascontiguousarray(planes.transpose(1, 2, 0)), where
+    return np.ascontiguousarray(planes)[None], where
+
+
+def _normalised(values: NDArray[Any], image: Image) -> Tensor:
+    """(3, h, w) of (h, w, 3), blue green red: colours in order, (x * scale - mean) / std; plane by plane, which is fast."""
+    order = (2, 1, 0) if image.colour_order == "RGB" else (0, 1, 2)
+    planes = np.empty((3, *values.shape[:2]), np.float32)
+    for plane, channel, mean, std in zip(planes, order, image.mean, image.std, strict=True):
+        np.multiply(values[..., channel], np.float32(image.scale), out=plane)
+        if mean:
+            plane -= np.float32(mean)
+        if std != 1:
+            plane /= np.float32(std)
+    return planes
 
 
 def _scaled(frame: Frame, where: Geometry, rule: Resize) -> NDArray[Any]:

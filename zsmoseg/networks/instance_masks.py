@@ -13,7 +13,7 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from zsmoseg.errors import ModelError
 from zsmoseg.networks.batches import run_frames
@@ -90,19 +90,19 @@ def _candidates(
             f"{contract.folder / NAME}: predictions have {rows.shape[1]} numbers a candidate, 4 of a box and "
             f"{len(prototypes)} coefficients among them, which leaves {classes} categories; it names {len(names)}"
         )
-    score = rows[:, 4 : 4 + classes]
-    if rules.scores == "logits":
-        score = expit(score)
-    best = score.max(1)
-    some = np.flatnonzero(best > rules.floor)
+    as_logits = rules.scores == "logits"
+    # the largest along the axis that is contiguous in memory: thousands of candidates, of which a few are left
+    best = rows.T[4 : 4 + classes].max(0)
+    some = np.flatnonzero(best > (logit(rules.floor) if as_logits else rules.floor))
     corners = _corners(rows[some, :4], rules.boxes)
     kept = suppress(corners, best[some], rules.overlap)[: rules.most]
     some, corners = some[kept], corners[kept]
     flat = rows[some, 4 + classes :] @ prototypes.reshape(len(prototypes), -1)
     logits = flat.reshape(-1, *prototypes.shape[1:])
+    score = np.ascontiguousarray(rows[some, 4 : 4 + classes])
     box = np.clip(where.boxes_out(corners), 0, np.tile(where.original[::-1], 2)).astype(np.float32)
     masks = [_mask(one, corners, where) for one, corners in zip(logits, box, strict=True)]
-    return Raw(box, np.ascontiguousarray(score[some]), masks)
+    return Raw(box, expit(score) if as_logits else score, masks)
 
 
 def _corners(boxes: NDArray[np.float32], kind: str) -> NDArray[np.float32]:

@@ -95,12 +95,15 @@ class Network:
                 f"{self._where(graph)}: takes {', '.join(taken)}; its contract and task give {', '.join(sorted(given))}"
             )
         roles = list(wanted) if wanted is not None else self.outputs(graph)
-        clock = time.process_time()
+        # reading the clock takes longer than it should on some machines: only while the first calls are told apart
+        timing = self._first.get(graph, 0.0) is not None
+        clock = time.process_time() if timing else 0.0
         try:
             found = session.run([declared.outputs.get(role, role) for role in roles], given)
         except Exception as error:
             raise _failed(self._where(graph), error) from error
-        self._time(graph, time.process_time() - clock)
+        if timing:
+            self._time(graph, time.process_time() - clock)
         for role, value in zip(roles, found, strict=True):
             # -inf is how networks say never (logits that are masked); +inf and NaN are how they fail
             if value.dtype.kind == "f" and not (value < np.inf).all():
