@@ -13,7 +13,6 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import onnx
 from conftest import textured
@@ -486,7 +485,7 @@ def write_instances(folder: Path, side: int = 256) -> Path:
 
 
 def coloured_clip(frames: int, height: int, width: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Plain squares that move by themselves before a panning camera's textured background.
+    """Squares, nearly plain, that move by themselves before a panning camera's textured background.
 
     Red moves right, green left, yellow right; blue comes in from the right in the middle of the clip.
 
@@ -497,23 +496,32 @@ def coloured_clip(frames: int, height: int, width: int, seed: int = 0) -> tuple[
     """
     world = textured(np.random.default_rng(seed), height, width + frames, (110, 130, 90))
     side, lane = min(height, width) // 5, height // 4
+    skins = [np.zeros(0), *(_skin(side, colour, number) for number, colour in enumerate(COLOURS.values(), 1))]
     room = width - side
     images, truth = [], np.zeros((frames, height, width), np.uint8)
     for t in range(frames):
         image = world[:, t : t + width].copy()
         left = {
             1: _bounced(width // 20 + 3 * t, room),
-            2: _bounced(room - width // 20 - 2 * t, room),
-            3: width - _bounced(3 * (t - frames // 2), width) if t > frames // 2 else width,
+            2: _bounced(room - width // 20 - 5 * t, room),
+            3: width - _bounced(5 * (t - frames // 2), width) if t > frames // 2 else width,
             4: _bounced(width // 3 + 2 * t, room),
         }
-        for number, colour in enumerate(COLOURS.values(), 1):
+        for number in range(1, len(COLOURS) + 1):
             top = lane * (number - 1) + (lane - side) // 2
-            rectangle = (left[number], top, side, side)
-            cv2.rectangle(image, rectangle, [255 * part for part in colour[::-1]], cv2.FILLED)
-            cv2.rectangle(truth[t], rectangle, number, cv2.FILLED)
+            shown = slice(top, top + side), slice(left[number], min(left[number] + side, width))
+            image[shown] = skins[number][:, : shown[1].stop - shown[1].start]
+            truth[t][shown] = number
         images.append(image)
     return np.stack(images), truth
+
+
+def _skin(side: int, colour: tuple[int, ...], seed: int) -> np.ndarray:
+    """(side, side, 3) BGR: a colour with a texture that flow can follow, well within what the graphs take for it."""
+    rough = textured(np.random.default_rng(seed), side, side, (128, 128, 128)).astype(np.float32)
+    away = 36 * (rough - rough.min()) / (rough.max() - rough.min())
+    pure = np.array([255 * part for part in colour[::-1]], np.float32)
+    return np.abs(pure - away).astype(np.uint8)
 
 
 def _bounced(place: int, room: int) -> int:

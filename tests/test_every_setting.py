@@ -42,6 +42,14 @@ NO_BYTES = {
         f"proposals.{name}": "imports: tests/test_imports.py"
         for name in type(Settings().proposals).model_fields
     },
+    "flow.model": "networks: tests/test_networks_flow.py",
+    "depth.model": "networks: tests/test_networks_run.py",
+    **{
+        name: "networks: tests/test_networks_run.py"
+        for name in defaults()
+        if name.split(".")[0] in ("looks", "tags", "selection", "linking", "tracking")
+    },
+    **{f"networks.{name}": "changes nothing by design" for name in type(Settings().networks).model_fields},
     "groups.weak": "acts on what comes back: tests/test_grouping.py",
     "chunk.length": "changes nothing by design: tests/test_run.py",
 }

@@ -19,16 +19,21 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import onnx
 import pytest
-from onnx import TensorProto, helper
+from onnx import TensorProto, helper, numpy_helper
 
 from zsmoseg.errors import ModelError
 from zsmoseg.networks.contract import contract_of, load_contract
 from zsmoseg.networks.decoders import MasksTable
+from zsmoseg.networks.depth import kind_of
+from zsmoseg.networks.flow import check_flow
 from zsmoseg.networks.tags import TagsTable
 from zsmoseg.networks.text_boxes import TextTable
 from zsmoseg.settings import PRESETS
+from zsmoseg.tracking.by_cutie import Cutie
+from zsmoseg.tracking.by_deaot import Deaot
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.models import catalogue, downloading
 from zsmoseg.workflows.models.catalogue import entries
@@ -40,20 +45,24 @@ ENTRIES = entries()
 """The real registry."""
 
 
-def graph(size: int = 14, weight: int = 0) -> bytes:
-    """A depth network that gives the mean of the colours; ``weight`` numbers make the file longer."""
+def graph(size: int = 14, weights: int = 10) -> bytes:
+    """A depth network that gives the mean of the colours and of its weights, which make the file long."""
     ends = [
         helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 3, size, size]),
         helper.make_tensor_value_info("depth", TensorProto.FLOAT, [1, 1, size, size]),
     ]
-    kept = [helper.make_tensor("kept", TensorProto.FLOAT, [weight], [0.5] * weight)] if weight else []
-    node = helper.make_node("ReduceMean", ["image"], ["depth"], axes=[1], keepdims=1)
-    made = helper.make_graph([node], "g", ends[:1], ends[1:], kept)
+    nodes = [
+        helper.make_node("ReduceMean", ["image"], ["grey"], axes=[1], keepdims=1),
+        helper.make_node("ReduceMean", ["kept"], ["one"], keepdims=1),
+        helper.make_node("Add", ["grey", "one"], ["depth"]),
+    ]
+    kept = numpy_helper.from_array(np.full(weights, 0.5, np.float32), "kept")
+    made = helper.make_graph(nodes, "g", ends[:1], ends[1:], [kept])
     model = helper.make_model(made, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    return bytes(onnx.ModelProto.SerializeToString(model))
+    return bytes(model.SerializeToString())
 
 
-BYTES = graph(weight=200_000)
+BYTES = graph(weights=200_000)
 SHA = hashlib.sha256(BYTES).hexdigest()
 
 
@@ -211,9 +220,20 @@ def test_an_entry_is_a_contract_that_its_adapter_reads(name: str) -> None:
     assert found.name == name
     assert found.licence
     assert found.source.startswith("https://")
-    table = {"tags": TagsTable, "text-boxes": TextTable, "box-masks": MasksTable}.get(found.task)
-    if table is not None:
-        found.extra({"tags": "tags", "text-boxes": "text", "box-masks": "masks"}[found.task], table)
+    tables = {
+        "tags": ("tags", TagsTable),
+        "text-boxes": ("text", TextTable),
+        "box-masks": ("masks", MasksTable),
+    }
+    styles = {"cutie": Cutie, "deaot": Deaot}
+    if found.task == "tracker":
+        found.extra("tracker", styles[found.tables["tracker"]["style"]])
+    elif found.task in tables:
+        found.extra(*tables[found.task])
+    elif found.task == "depth":
+        assert kind_of(found)
+    else:
+        check_flow(found)
 
 
 @pytest.mark.parametrize("name", ENTRIES)
@@ -261,6 +281,14 @@ def test_what_is_fetched_is_a_model_with_its_contract_and_is_not_fetched_twice(
     assert unlocked(cache) == ["toy"]
     assert say(capsys, "fetch", "toy")[0] == 0
     assert len(toy.asked) == 1
+
+
+def test_of_several_models_those_that_can_be_had_are_fetched(
+    toy: Server, register: Register, cache: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    register("only", contract("only"), '[only]\nexporter = ["x", "y"]\ncheckpoint = "z.pth"\n')
+    assert "zsmoseg models export only CHECKPOINT (z.pth)" in refused(capsys, "fetch", "only", "toy")
+    assert unlocked(cache) == ["toy"]
 
 
 def test_an_interrupted_download_goes_on_at_its_byte(toy: Server, cache: Path) -> None:
@@ -529,7 +557,7 @@ def test_a_model_is_found_by_name_or_path_and_reading_writes_nothing(
     [
         ("sam-vit-b", "zsmoseg models fetch sam-vit-b"),
         ("pwc-net", "non-commercial only); get it with: zsmoseg models export pwc-net CHECKPOINT"),
-        ("grounding-dino-tiny", "about 695.0 MB, Apache-2.0); get it with: zsmoseg models fetch"),
+        ("grounding-dino-tiny", "about 695 MB, Apache-2.0); get it with: zsmoseg models fetch"),
         ("rma-plus", "did you mean ram-plus?"),
         ("nothing-like-it", "see zsmoseg models list"),
         ("..", "has no contract.toml"),
@@ -652,6 +680,29 @@ def test_a_folder_without_a_contract_and_a_name_that_leaves_the_cache_are_refuse
     assert "a name has letters" in refused(capsys, "add", str(mine), "--name", "../mine")
     assert "a name has letters" in refused(capsys, "fetch", "../mine")
     assert "a name has letters" in refused(capsys, "fetch", ".hidden")
+
+
+def test_a_model_of_ones_own_is_never_fetched(
+    tmp_path: Path, cache: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["models", "add", str(own(tmp_path / "mine", contract("mine")))])
+    assert say(capsys, "fetch", "mine")[0] == 0
+    (cache / "mine" / "toy.onnx").write_bytes(BYTES[:-1] + b"?")
+    assert "add it again from where it came" in refused(capsys, "fetch", "mine")
+
+
+def test_external_weights_come_along_and_are_checked(
+    tmp_path: Path, cache: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = onnx.load_from_string(BYTES)
+    text = contract().replace("[input]", '[[graph.main.data]]\nfile = "toy.data"\n\n[input]', 1)
+    mine = own(tmp_path / "mine", text)
+    onnx.save_model(model, str(mine / "toy.onnx"), save_as_external_data=True, location="toy.data")
+    assert say(capsys, "add", str(mine))[0] == 0
+    assert unlocked(cache / "toy") == ["contract.toml", "toy.data", "toy.onnx"]
+    assert all(file.sha256 for file in load_contract(cache / "toy").files)
+    (mine / "contract.toml").write_text(contract())
+    assert "its external data is missing" in refused(capsys, "add", str(mine), "--name", "other")
 
 
 def test_a_contract_that_no_digest_can_be_written_into_says_what_to_write() -> None:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from zsmoseg.errors import SettingsError
 from zsmoseg.flow.warp import inverted, resized
 from zsmoseg.tracking.by_flow import Carrying, FlowTracker
 from zsmoseg.tracking.carrying import here, look_up, nearest_known, step
@@ -258,6 +259,57 @@ def test_a_shot_without_masks_has_no_objects_and_the_next_goes_on_counting() -> 
     late = run(scene, {2: [1, 2]}, last=7)
     assert not late[1].label.any()
     assert np.unique(late[5].label).tolist() == [0, 8, 9]
+
+
+class Scripted:
+    """A tracker that says what it is told to, frame by frame."""
+
+    def __init__(self, *labels: np.ndarray) -> None:
+        self.labels, self.given = list(labels), []
+
+    def start(self, frame: np.ndarray, label: np.ndarray) -> None:
+        self.given.append(label)
+
+    def step(self, step: Step) -> np.ndarray:
+        return self.labels.pop(0)
+
+    def add(self, frame: np.ndarray, label: np.ndarray) -> None:
+        self.given.append(label)
+
+
+HERE, THERE = square(5, 5), square(40, 5)
+
+
+def scripted(old: Scripted, new: Scripted, handover: int = 3) -> list[Followed]:
+    """Seven frames; a mask at ``HERE`` is proposed in the first and in the fourth."""
+    moments = [Moment(Step(np.zeros((60, 80, 3), np.uint8)), HERE if t in (0, 3) else None) for t in range(7)]
+    trackers = iter([old, new])
+    return list(follow(moments, lambda: next(trackers), Spans(handover, 0.5, 3, True)))
+
+
+def test_an_object_that_parts_from_its_mask_during_the_handover_is_added_to_the_next_span() -> None:
+    old, new = Scripted(HERE, HERE, HERE, THERE, THERE), Scripted(HERE, HERE, HERE + 2 * THERE)
+    found = scripted(old, new)
+    assert [f.masks.tolist() for f in found if f.masks is not None] == [[1], [2]]
+    assert [np.unique(label).tolist() for label in new.given] == [[0, 1], [0, 1, 2]]
+    np.testing.assert_array_equal(found[4].label, 2 * HERE + THERE)
+    np.testing.assert_array_equal(found[6].label, 2 * HERE + THERE)
+
+
+def test_an_object_that_is_carried_and_turns_out_to_be_a_mask_is_there_once() -> None:
+    old, new = Scripted(HERE, HERE, THERE, HERE, HERE), Scripted(HERE + 2 * THERE, HERE, HERE + 2 * THERE)
+    found = scripted(old, new)
+    assert [f.masks.tolist() for f in found if f.masks is not None] == [[1], [1]]
+    assert [np.unique(label).tolist() for label in new.given] == [[0, 1, 2]]
+    for f in found:
+        np.testing.assert_array_equal(f.label, HERE)
+
+
+def test_more_objects_than_a_label_image_holds_are_refused() -> None:
+    scene = Scene(2, TWO)
+    assert run(scene, {0: [1, 2]}, last=65533)[0].masks.tolist() == [65534, 65535]
+    with pytest.raises(SettingsError, match="more than 65535 objects"):
+        run(scene, {0: [1, 2]}, last=65534)
 
 
 def test_two_masks_never_become_one_object() -> None:

@@ -18,8 +18,8 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from dataloaders.video_transforms import MultiRestrictSize, MultiToTensor
-from tracker_frames import SIZES, frames_of, seed
 from networks.engines import build_engine
+from tracker_frames import SIZES, frames_of, seed
 
 from zsmoseg.networks.contract import load_contract
 from zsmoseg.networks.export.deaot import deaot, write_deaot

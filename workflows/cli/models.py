@@ -83,7 +83,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _fetch(options: argparse.Namespace) -> int:
-    from zsmoseg.errors import SettingsError
+    from zsmoseg.errors import ModelError, SettingsError
     from zsmoseg.workflows.models.needed import preset_models
 
     names = [*options.names, *(preset_models(options.preset) if options.preset else [])]
@@ -91,9 +91,14 @@ def _fetch(options: argparse.Namespace) -> int:
         print(f"preset {options.preset} needs no networks")
     elif not names:
         raise SettingsError("say which models, or --preset NAME; zsmoseg models list shows them")
+    failed = 0
     for name in dict.fromkeys(names):
-        print(f"{name}: {_fetch_one(name, options.source, options.accept)}")
-    return 0
+        try:
+            print(f"{name}: {_fetch_one(name, options.source, options.accept)}")
+        except ModelError as error:  # the others are fetched all the same
+            print(f"zsmoseg: {error}", file=sys.stderr)
+            failed += 1
+    return 2 if failed else 0
 
 
 def _fetch_one(name: str, source: str | None, accept: list[str]) -> Path:

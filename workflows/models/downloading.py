@@ -12,7 +12,7 @@ from zsmoseg.errors import ModelError
 from zsmoseg.networks.contract import File
 
 Watch = Callable[[str, int, int | None], None]
-"""Called with a file's name, its bytes so far and in all (None: not known)."""
+"""Called with model and name of a file, its bytes so far and in all (None: not known)."""
 TRIES = 5
 """Attempts without a new byte after which a download is given up; what is there is kept."""
 PAUSE = 2.0
@@ -30,7 +30,7 @@ class NotThere(ModelError):
     """The address has no such file."""
 
 
-def download(wanted: File, url: str, folder: Path, watch: Watch) -> Path:
+def download(wanted: File, url: str, folder: Path, model: str, watch: Watch) -> Path:
     """Get one file by way of pooch, which checks its sha256 before it gets its name.
 
     Parameters
@@ -41,6 +41,8 @@ def download(wanted: File, url: str, folder: Path, watch: Watch) -> Path:
         Where it is.
     folder
         Where it goes; what an earlier attempt left there (``NAME.part``) is gone on from.
+    model
+        Whose file it is, for messages.
     watch
         Told of every piece.
 
@@ -58,7 +60,7 @@ def download(wanted: File, url: str, folder: Path, watch: Watch) -> Path:
     pooch.get_logger().setLevel("ERROR")
     known = f"sha256:{wanted.sha256}" if wanted.sha256 else None
     for _ in range(2):
-        pull = _Pull(wanted, folder / f"{wanted.file}.part", watch)
+        pull = _Pull(wanted, folder / f"{wanted.file}.part", f"{model}/{wanted.file}", watch)
         try:
             return Path(pooch.retrieve(url, known, wanted.file, folder, downloader=pull))
         except ValueError as error:  # the digest: pooch has thrown the file away
@@ -66,7 +68,7 @@ def download(wanted: File, url: str, folder: Path, watch: Watch) -> Path:
             if not pull.resumed:
                 break
     raise ModelError(
-        f"{wanted.file} from {url}: another content than the registry knows ({_both(wrong)}); nothing was kept"
+        f"{model}/{wanted.file} from {url}: another content than the registry knows ({_both(wrong)}); nothing was kept"
     ) from wrong
 
 
@@ -80,8 +82,8 @@ def _both(error: ValueError) -> str:
 class _Pull:
     """A downloader of pooch that keeps what it has in ``part`` and goes on from there."""
 
-    def __init__(self, wanted: File, part: Path, watch: Watch) -> None:
-        self.wanted, self.part, self.watch = wanted, part, watch
+    def __init__(self, wanted: File, part: Path, label: str, watch: Watch) -> None:
+        self.wanted, self.part, self.label, self.watch = wanted, part, label, watch
         self.resumed = False
 
     def __call__(self, url: str, output_file: str, pooch: Any = None, check_only: bool = False) -> None:
@@ -98,7 +100,7 @@ class _Pull:
                 tries = 1 if self._have() > before else tries + 1
                 if tries >= TRIES or _reason(error) == NO_HOST:
                     raise ModelError(
-                        f"{self.wanted.file}: the download stopped at {self._have() / 1e6:.1f} MB "
+                        f"{self.label}: the download stopped at {self._have() / 1e6:.1f} MB "
                         f"({_reason(error)}); the same command goes on from there"
                     ) from error
                 time.sleep(PAUSE * 2 ** (tries - 1))
@@ -137,7 +139,7 @@ class _Pull:
         whole = have + int(length) if length is not None else None
         if whole is not None and self.wanted.bytes not in (None, whole):
             raise ModelError(
-                f"{self.wanted.file}: {url} has {whole} bytes, the registry says {self.wanted.bytes}; not fetched"
+                f"{self.label}: {url} has {whole} bytes, the registry says {self.wanted.bytes}; not fetched"
             )
         return whole if whole is not None else self.wanted.bytes
 
@@ -151,9 +153,9 @@ class _Pull:
                 have += len(chunk)
                 if have > most:
                     file.truncate(0)
-                    raise ModelError(f"{self.wanted.file}: the server sends more than {most} bytes; not kept")
+                    raise ModelError(f"{self.label}: the server sends more than {most} bytes; not kept")
                 file.write(chunk)
-                self.watch(self.wanted.file, have, whole)
+                self.watch(self.label, have, whole)
         if whole is not None and have < whole:
             raise requests.ConnectionError(f"{whole - have} bytes are missing")
 

@@ -11,11 +11,11 @@ from pathlib import Path
 from zsmoseg.errors import ModelError, SpaceError
 from zsmoseg.networks.contract import NAME, File, contract_of
 from zsmoseg.workflows.models.adding import check_graphs
-from zsmoseg.workflows.models.catalogue import Entry
+from zsmoseg.workflows.models.catalogue import Entry, entries
 from zsmoseg.workflows.models.checking import check_file, findings
 from zsmoseg.workflows.models.contract_text import parse, refuse_pickle, sha256_of, with_digests
 from zsmoseg.workflows.models.downloading import NotThere, Watch, download
-from zsmoseg.workflows.models.place import known_entry, models_folder
+from zsmoseg.workflows.models.place import known_entry, models_folder, plain_name
 from zsmoseg.workflows.models.settling_in import put_together, settle
 from zsmoseg.workflows.models.unpacking import unpack
 
@@ -23,13 +23,14 @@ from zsmoseg.workflows.models.unpacking import unpack
 class UnknownDigests(ModelError):
     """Files are here whose sha256 nobody states; ``found`` has them by name."""
 
-    def __init__(self, name: str, found: dict[str, str]) -> None:
+    def __init__(self, name: str, source: str | None, found: dict[str, str]) -> None:
         self.found = found
         listed = "; ".join(f"{file} has sha256 {digest}" for file, digest in found.items())
+        repeat = f"{name} --from {source}" if source else name
         accepts = " ".join(f"--accept {digest}" for digest in found.values())
         super().__init__(
             f"model {name}: no publisher's sha256 is known, so you decide: {listed}. If you trust what arrived: "
-            f"zsmoseg models fetch {name} {accepts} (nothing is fetched twice)"
+            f"zsmoseg models fetch {repeat} {accepts} (nothing is fetched twice)"
         )
 
 
@@ -60,10 +61,13 @@ def fetch(name: str, source: str | None, accept: Collection[str], watch: Watch) 
     SpaceError
         The disk is too small.
     """
-    entry = known_entry(name)
-    target = models_folder() / name
-    if target.exists() and not findings(target):
+    target = models_folder() / plain_name(name)
+    wrong = findings(target) if target.exists() else []
+    if target.exists() and not wrong:
         return target
+    if wrong and name not in entries():
+        raise ModelError(f"{wrong[0]}; this model is no one of the registry: add it again from where it came")
+    entry = known_entry(name)
     if source is None and not entry.public:
         raise ModelError(f"model {name}: no pinned address is known ({entry.about()}); {entry.command()}")
     with put_together(target, keep=True) as work:
@@ -74,7 +78,7 @@ def fetch(name: str, source: str | None, accept: Collection[str], watch: Watch) 
             _get(part, entry, source, work, watch)
         if entry.archive is not None:
             unpack(work / entry.archive.file, [f.file for f in entry.files], work, entry.archive.unpacked)
-        _write_contract(entry, work, accept)
+        _write_contract(entry, work, source, accept)
         settle(work, target, [f.file for f in entry.files])
     return target
 
@@ -113,7 +117,7 @@ def _get(part: File, entry: Entry, source: str | None, work: Path, watch: Watch)
     if there.is_file() and part.sha256 and not check_file(there, part):
         return
     if source is None:
-        download(part, part.url, work, watch)
+        download(part, part.url, work, entry.name, watch)
     elif source.startswith(("http://", "https://")):
         _from_base(part, entry, source.rstrip("/"), work, watch)
     else:
@@ -127,9 +131,9 @@ def _get(part: File, entry: Entry, source: str | None, work: Path, watch: Watch)
 def _from_base(part: File, entry: Entry, base: str, work: Path, watch: Watch) -> None:
     """From ``BASE/FILE``, or ``BASE/NAME/FILE`` as a copy of a cache has it."""
     try:
-        download(part, f"{base}/{part.file}", work, watch)
+        download(part, f"{base}/{part.file}", work, entry.name, watch)
     except NotThere:
-        download(part, f"{base}/{entry.name}/{part.file}", work, watch)
+        download(part, f"{base}/{entry.name}/{part.file}", work, entry.name, watch)
 
 
 def _from_folder(part: File, entry: Entry, folder: Path, work: Path) -> None:
@@ -145,13 +149,13 @@ def _from_folder(part: File, entry: Entry, folder: Path, work: Path) -> None:
     shutil.copyfile(found, work / part.file)
 
 
-def _write_contract(entry: Entry, work: Path, accept: Collection[str]) -> None:
+def _write_contract(entry: Entry, work: Path, source: str | None, accept: Collection[str]) -> None:
     """The contract beside the files, with the digests that the user accepted."""
     found = {f.file: (sha256_of(work / f.file), (work / f.file).stat().st_size) for f in entry.files}
     unknown = {} if entry.archive else {f.file: found[f.file][0] for f in entry.files if not f.sha256}
     taken = {digest.lower().removeprefix("sha256:") for digest in accept}
     if open_ones := {file: digest for file, digest in unknown.items() if digest not in taken}:
-        raise UnknownDigests(entry.name, open_ones)
+        raise UnknownDigests(entry.name, source, open_ones)
     text = with_tensors(with_digests(entry.text, found, work), work)
     (work / NAME).write_text(text, encoding="utf-8")
     check_graphs(work)

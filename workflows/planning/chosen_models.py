@@ -44,15 +44,28 @@ def with_models(settings: Settings) -> Settings:
     elif settings.tags.prompt:
         parse_prompt(settings.tags.prompt)
         settings = settings.model_copy(update={"tags": settings.tags.model_copy(update={"model": ""})})
-    contracts = {}
-    for section, name, model in named(settings):
+    contracts, acting = {}, list(named(settings))
+    _refuse_missing([model for _, _, model in acting])
+    for section, name, model in acting:
         contracts[section, name] = contract = _contract(section, name, model, settings)
         update.setdefault(section, {})[name] = pinned(contract)
-    if settings.proposals.source == "network" and settings.proposals.span == "auto":
+    if settings.proposals.source == "network" and settings.looks.span == "auto":
         alone = contracts.get(("proposals", "model"))
-        update.setdefault("proposals", {})["span"] = 1 if alone and alone.task == "instance-masks" else SPAN
+        update.setdefault("looks", {})["span"] = 1 if alone and alone.task == "instance-masks" else SPAN
     sections = {name: getattr(settings, name).model_copy(update=values) for name, values in update.items()}
     return settings.model_copy(update=sections)
+
+
+def _refuse_missing(models: list[str]) -> None:
+    """Name all that is not here at once, with what gets it."""
+    lacking = []
+    for model in dict.fromkeys(models):
+        try:
+            find_model(model)
+        except ModelError as error:
+            lacking.append(str(error))
+    if lacking:
+        raise ModelError(" | ".join(lacking))
 
 
 def _contract(section: str, name: str, model: str, settings: Settings) -> Contract:
@@ -94,5 +107,7 @@ def _refuse_unnamed(settings: Settings) -> None:
         raise SettingsError(
             "proposals.model is one network alone; leave it out, or proposals.boxes and .masks"
         )
+    if p.model and (settings.tags.model or settings.tags.prompt):
+        raise SettingsError("tags are for proposals.boxes; proposals.model names what it was trained on")
     if p.boxes and not (settings.tags.model or settings.tags.prompt):
         raise SettingsError('proposals.boxes needs words: --prompt "person, dog", or tags.model=NAME')

@@ -103,7 +103,7 @@ def unpacked(
 
 def mask_of(rle: dict[str, Any]) -> NDArray[np.bool_]:
     """(H, W) of run lengths that were packed here: files of others go through ``decode``."""
-    return np.asarray(coco.decode(rle), np.bool_)
+    return _decode(rle, tuple(rle["size"]))
 
 
 def overlaps_of(rles: list[dict[str, Any]]) -> NDArray[np.float64]:

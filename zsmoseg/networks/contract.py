@@ -47,7 +47,7 @@ T = TypeVar("T", bound=BaseModel)
 class File(Table):
     """A file beside the contract."""
 
-    file: str = Field(pattern=r"^[^/\\]+$")
+    file: str = Field(pattern=r"^[^/\\.][^/\\]*$")
     sha256: str = Field("", pattern=r"^([0-9a-f]{64})?$")
     bytes: int | None = Field(None, ge=0)
     url: str = ""
@@ -156,6 +156,8 @@ class Output(Table):
     shape: list[int | str] | None = None
     meaning: str = ""
     typical_range: list[float] = []
+    align_corners: bool = False
+    """Whether its authors resize it so, whatever they do with the frame."""
 
 
 class Contract(BaseModel):
@@ -246,7 +248,7 @@ class Contract(BaseModel):
         }
         image = self.input and self.input.model_dump(exclude={"shape": True, "value_range": True, "dtype": True,
                                                               "resize": {"examples", "keep_aspect_ratio"}})  # fmt: skip
-        meaning = [o.model_dump(include={"tensor", "role", "meaning"}) for o in self.output]
+        meaning = [o.model_dump(include={"tensor", "role", "meaning", "align_corners"}) for o in self.output]
         content = [self.task, graphs, image, meaning, self.tables]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 

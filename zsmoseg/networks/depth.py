@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -60,4 +61,6 @@ def network_depth(
             raise ModelError(
                 f"{network.contract.folder / NAME}: its output is {list(found.shape)}; depth is one number a pixel"
             )
+        if network.contract.output[0].align_corners:
+            where = replace(where, align_corners=True)
         yield relative(inverse_depth(where.map_out(found.reshape(found.shape[-2:])), kind), size)

@@ -7,7 +7,7 @@ pixels of the working grid (``frames.width`` wide) unless a name says otherwise.
 
 from zsmoseg.settings.grouping import Affinity, Groups, Motion, Statistics, Trajectories
 from zsmoseg.settings.inputs import Depth, Flow, Frames, Ignore, Video
-from zsmoseg.settings.networks import Linking, Networks, Selection, Tags, Tracking
+from zsmoseg.settings.networks import Linking, Looks, Networks, Selection, Tags, Tracking
 from zsmoseg.settings.outputs import Chunk, Masks, Overlay
 from zsmoseg.settings.proposals import Labels, Objects, Proposals, Segments
 from zsmoseg.settings.resolving import PRESETS, parse_override, resolve
@@ -26,6 +26,7 @@ __all__ = [
     "Ignore",
     "Labels",
     "Linking",
+    "Looks",
     "Masks",
     "Motion",
     "Networks",

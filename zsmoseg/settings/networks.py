@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from zsmoseg.settings.section import Section, setting
 
@@ -19,6 +21,17 @@ class Networks(Section):
         "frames at once, where the contract of a network says that its batch axis was verified",
         ge=1,
         le=256,
+    )
+
+
+class Looks(Section):
+    """When networks of proposals look."""
+
+    span: Literal["auto"] | Annotated[int, Field(ge=1)] = setting(
+        "auto",
+        "at the first frame of each span of so many, and behind cuts; masks are tracked through it; auto: 1 for a "
+        "network of instance masks, else 10",
+        "frames",
     )
 
 

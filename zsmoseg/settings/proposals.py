@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
-from pydantic import Field
+from typing import Literal
 
 from zsmoseg.settings.section import Brought, Section, setting
 
@@ -39,13 +37,6 @@ class Proposals(Brought):
         ("text-boxes",),
     )
     masks: str = setting("", "network of masks from these boxes", "", ("source", "network"), ("box-masks",))
-    span: Literal["auto"] | Annotated[int, Field(ge=1)] = setting(
-        "auto",
-        "networks look at the first frame of each span of so many; the masks are tracked through it; auto: 1 for "
-        "instance masks, else 10",
-        "frames",
-        ("source", "network"),
-    )
     points: int = setting(
         16, "side of the grid of points for a network of masks alone", "", ("source", "network"), ge=1, le=64
     )

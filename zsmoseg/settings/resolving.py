@@ -45,8 +45,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "tags.model": "ram-plus-int8",
         "proposals.boxes": "grounding-dino-tiny",
         "proposals.masks": "mobile-sam",
-        "tracking.source": "network",
-        "tracking.model": "cutie",
         "depth.source": "network",
         "depth.model": "depth-anything-v2-small",
     },

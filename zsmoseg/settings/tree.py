@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 
 from zsmoseg.settings.grouping import Affinity, Groups, Motion, Statistics, Trajectories
 from zsmoseg.settings.inputs import Depth, Flow, Frames, Ignore, Video
-from zsmoseg.settings.networks import Linking, Networks, Selection, Tags, Tracking
+from zsmoseg.settings.networks import Linking, Looks, Networks, Selection, Tags, Tracking
 from zsmoseg.settings.outputs import Chunk, Masks, Overlay
 from zsmoseg.settings.proposals import Labels, Objects, Proposals, Segments
 
@@ -32,6 +32,7 @@ class Settings(BaseModel):
     flow: Flow = Flow()
     depth: Depth = Depth()
     proposals: Proposals = Proposals()
+    looks: Looks = Looks()
     tags: Tags = Tags()
     selection: Selection = Selection()
     linking: Linking = Linking()

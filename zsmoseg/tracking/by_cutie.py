@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -34,8 +34,6 @@ from zsmoseg.tracking.protocol import Frame, Step
 
 Real = NDArray[np.float32]
 Tensors = dict[str, Real]
-STRIDE = 16
-"""px of the image a cell."""
 
 
 class Cutie(Table):
@@ -146,7 +144,7 @@ class CutieTracker:
             some.newest.append(self._frame(some.numbers, found["mask_value"]))
         if fresh:
             first = self._frame(fresh, found["mask_value"])
-            self.together.append(_Together(fresh, first, deque((), self.rules.frames - 1)))
+            self.together.append(_Together(fresh, first, deque(maxlen=self.rules.frames - 1)))
         self.since = 0
 
     def _frame(self, numbers: Sequence[int], value: Real) -> Tensors:
@@ -177,7 +175,9 @@ class CutieTracker:
     def _inside(self) -> NDArray[np.bool_]:
         """(h, w) whether the middle of a cell shows the frame, not the border around it."""
         assert self.where is not None
-        y, x = np.mgrid[: self.last["key"].shape[2], : self.last["key"].shape[3]] * STRIDE + STRIDE // 2
+        rows, columns = self.last["key"].shape[2:]
+        cell = self.where.canvas[0] // rows
+        y, x = np.mgrid[:rows, :columns] * cell + cell // 2
         (height, width), top, left = self.where.resized, self.where.top, self.where.left
         return np.asarray((y >= top) & (y < top + height) & (x >= left) & (x < left + width))
 

@@ -99,7 +99,7 @@ class DeaotTracker:
             found = self.network.run("reference", {"emb": emb, "identity": identity}, ["key", "value", "id"])
             tokens = (found["key"], found["value"], found["id"])
             before = self.groups[k] if k < len(self.groups) else None
-            long = deque((), self.rules.frames) if before is None else before.long
+            long = deque(maxlen=self.rules.frames) if before is None else before.long
             groups.append(_Group([*before.given[:1], tokens] if before else [tokens], long, tokens))
         self.groups, self.label, self.since = groups, label, 0
 

@@ -62,7 +62,7 @@ class Tracker(Protocol):
             (H, W, 3) the frame of the last ``step`` or ``start``.
         label
             (H, W) all objects that are to go on: known ones with their numbers, new ones with the numbers after those.
-            A known object without pixels has ended.
+            A known object without pixels need not be found again.
         """
 
 

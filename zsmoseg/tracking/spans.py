@@ -13,10 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.errors import SettingsError
 from zsmoseg.tracking.carrying import Label
 from zsmoseg.tracking.matching import Ids, matched, overlaps
 from zsmoseg.tracking.protocol import Factory, Frame, Step, Tracker
 
+MOST = int(np.iinfo(np.uint16).max)
+"""Numbers of objects that a label image holds."""
 FREE = 0.5
 """Part of a carried object that no new mask covers; with less it is one of them, seen otherwise."""
 
@@ -76,6 +79,8 @@ class _Handover:
 
     count: int
     """Number of masks of the key frame."""
+    carried: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
+    """Numbers of the old tracker that the new one has, too, as ``count + 1`` and so on."""
     frames: list[Frame] = field(default_factory=list)
     old: list[Label] = field(default_factory=list)
     new: list[Label] = field(default_factory=list)
@@ -85,7 +90,7 @@ class _Handover:
         total = np.zeros((self.count, n))
         seen = np.zeros((self.count, n), np.int64)
         for new, old in zip(self.new, self.old, strict=True):
-            both, union = overlaps(new, old, self.count, n)
+            both, union = overlaps(np.where(new > self.count, 0, new), old, self.count, n)
             total += both / np.maximum(union, 1)
             seen += union > 0
         return total / np.maximum(seen, 1)
@@ -102,6 +107,11 @@ def follow(moments: Iterable[Moment], factory: Factory, spans: Spans, last: int 
         Makes the tracker of each span.
     last
         Number of the last object of the shots before: the first new one is the next.
+
+    Raises
+    ------
+    SettingsError
+        There are more objects than a label image holds.
     """
     return _Follower(factory, spans, last).run(moments)
 
@@ -124,9 +134,8 @@ class _Follower:
                 yield from self._settle()
             old = self.now.tracker.step(moment.step) if self.now is not None else None
             if moment.masks is not None and moment.masks.any():
-                self.between = _Handover(int(moment.masks.max()))
-                self._both(moment, old, moment.masks)
-            elif self.coming is not None:
+                self._begin(moment, old, moment.masks)
+            elif self.between is not None and self.coming is not None:
                 self._both(moment, old, self.coming.step(moment.step))
             else:
                 yield self._single(moment, old)
@@ -139,16 +148,34 @@ class _Follower:
         """Frames of a handover: where no tracker hands over, one is enough."""
         return self.spans.handover if self.now is not None else 1
 
+    def _begin(self, moment: Moment, old: Label | None, masks: Label) -> None:
+        """A tracker starts with the masks of a key frame, and with the objects that they do not show."""
+        self.between = _Handover(int(masks.max()))
+        self._both(moment, old, masks)
+        alive = np.flatnonzero(self._known()[0])
+        self.between.carried = self._carried(np.setdiff1d(alive, self._match(alive)))
+        label = _with(masks, self.between.old[0], self.between.carried, self.between.count)
+        self.between.new[0] = label
+        self.coming = self.factory()
+        self.coming.start(moment.step.frame, label)
+
     def _both(self, moment: Moment, old: Label | None, new: Label) -> None:
-        """One frame of the handover; its tracker starts with the second one, for the masks of the first are given."""
+        """One frame of the handover."""
         assert self.between is not None
-        between = self.between
-        between.frames.append(moment.step.frame)
-        between.old.append(np.zeros_like(new) if old is None else old)
-        between.new.append(new)
-        if moment.masks is not None and self._length() > 1:
-            self.coming = self.factory()
-            self.coming.start(moment.step.frame, new)
+        self.between.frames.append(moment.step.frame)
+        self.between.old.append(np.zeros_like(new) if old is None else old)
+        self.between.new.append(new)
+
+    def _known(self) -> tuple[Ids, Ids]:
+        """(n + 1) each: objects of the numbers of the old tracker, and how often they were missed."""
+        none = np.zeros(1, np.int64)
+        return (none, none) if self.now is None else (self.now.objects, self.now.missed)
+
+    def _match(self, alive: Ids) -> Ids:
+        """(K) the number of the old tracker that each mask is, 0 = none, as far as the handover has been seen."""
+        assert self.between is not None
+        share = self.between.shares(len(self._known()[0]) - 1)[:, alive - 1]
+        return np.asarray(np.append(alive, 0)[matched(share, self.spans.overlap)])
 
     def _single(self, moment: Moment, old: Label | None) -> Followed:
         """A frame that one tracker sees, or none."""
@@ -163,50 +190,47 @@ class _Follower:
         return Followed(label, np.zeros(0, np.int64) if empty else None)
 
     def _settle(self, last: bool = False) -> Iterator[Followed]:
-        """Match, give numbers, let go on what is carried; then all frames of the handover are known."""
-        between, before = self.between, self.now
+        """Match and give numbers; then all frames of the handover are known."""
+        between, tracker = self.between, self.coming
         assert between is not None
-        none = np.zeros(1, np.int64)
-        known, missed = (none, none) if before is None else (before.objects, before.missed)
+        assert tracker is not None
+        known, missed = self._known()
         alive = np.flatnonzero(known)
-        found = np.append(alive, 0)[matched(between.shares(len(known) - 1)[:, alive - 1], self.spans.overlap)]
+        found = self._match(alive)
         objects = known[found]
         fresh = objects == 0
         objects[fresh] = self.last + 1 + np.arange(int(fresh.sum()))
         self.last += int(fresh.sum())
-        carried = self._carried(np.setdiff1d(alive, found), missed)
-        label = _with(between.new[-1], between.old[-1], carried, between.count)
-        tracker = self.coming or self.factory()
-        if not last:
-            self._hand_over(tracker, label, bool(len(carried)))
+        if self.last > MOST:
+            raise SettingsError(
+                f"more than {MOST} objects up to this frame, more than a label image holds; propose fewer masks, or link "
+                "more of them (a smaller overlap)"
+            )
+        # those that parted from the mask that they were in the key frame
+        late = self._carried(np.setdiff1d(alive, np.concatenate([found, between.carried])))
+        count = between.count + len(between.carried)
+        if len(late) and not last:
+            tracker.add(between.frames[-1], _with(between.new[-1], between.old[-1], late, count))
+        goes = np.concatenate([between.carried, late])
         self.now = _Span(
             tracker,
-            np.concatenate([none, objects, known[carried]]),
-            np.concatenate([none, np.zeros(between.count, np.int64), missed[carried] + 1]),
+            np.concatenate([[0], objects, np.where(np.isin(goes, found), 0, known[goes])]).astype(np.int64),
+            np.concatenate([np.zeros(between.count + 1, np.int64), missed[goes] + 1]),
         )
         self.coming = self.between = None
         for k, (new, old) in enumerate(zip(between.new, between.old, strict=True)):
-            shown = self.now.paint(_with(new, old, carried, between.count))
-            yield Followed(shown, objects if k == 0 else None)
+            yield Followed(self.now.paint(_with(new, old, late, count)), objects if k == 0 else None)
 
-    def _carried(self, lost: Ids, missed: Ids) -> Ids:
+    def _carried(self, lost: Ids) -> Ids:
         """Those of the numbers that go on: still tracked, mostly outside of the new masks, and not for too long."""
         assert self.between is not None
         if not self.spans.carry:
             return lost[:0]
+        missed = self._known()[1]
         old, new = self.between.old[-1], self.between.new[-1]
         whole = np.bincount(old.ravel(), minlength=len(missed))[lost]
         free = np.bincount(old[new == 0], minlength=len(missed))[lost]
         return np.asarray(lost[(free > 0) & (free >= FREE * whole) & (missed[lost] < self.spans.gap)])
-
-    def _hand_over(self, tracker: Tracker, label: Label, more: bool) -> None:
-        """The new tracker has all objects that go on."""
-        assert self.between is not None
-        frame = self.between.frames[-1]
-        if self.coming is None:
-            tracker.start(frame, label)
-        elif more:
-            tracker.add(frame, label)
 
 
 def _with(new: Label, old: Label, carried: Ids, count: int) -> Label:

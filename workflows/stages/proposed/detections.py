@@ -62,6 +62,7 @@ class Inputs:
 class Sections:
     """The settings that are read."""
 
+    looks: settings.Looks
     proposals: settings.Proposals
     tags: settings.Tags
 

@@ -23,5 +23,5 @@ def looks(flow: Flow, start: int, stop: int, span: int) -> NDArray[np.int64]:
 
 def span_of(sections: Any) -> int:
     """Frames of a span, by settled settings: parts are whole spans."""
-    span: int = sections.proposals.span
+    span: int = sections.looks.span
     return span

@@ -37,17 +37,18 @@ class Inputs:
 class Sections:
     """The settings that are read."""
 
-    proposals: settings.Proposals
+    looks: settings.Looks
     tags: settings.Tags
 
 
 def _labels(s: Sections) -> Mapping[str, Sequence[str]]:
-    return {"tag": tag_list(s.tags)} if s.proposals.boxes else {}
+    names = tag_list(s.tags)
+    return {"tag": names} if names else {}
 
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Tags]:
     """Tags of one chunk; those of a prompt are there for certain."""
-    if not s.proposals.boxes:
+    if not tag_list(s.tags):
         return
     seen = looks(inputs.flow, part.start, part.stop, span_of(s))
     if s.tags.prompt:

@@ -174,12 +174,13 @@ def _modules(network: Any) -> dict[str, Any]:
 
 
 def _arguments(modules: dict[str, Any], size: tuple[int, int], objects: int, frames: int) -> dict[str, Any]:
-    """Inputs of every graph for an image of (height, width)."""
+    """Inputs of every graph for an image of (height, width): smooth, as pictures are; noise saturates the network."""
     import torch
 
     generator = torch.Generator().manual_seed(0)
-    image = torch.rand(1, 3, *size, generator=generator)
-    mask = torch.rand(1, objects, *size, generator=generator) / objects
+    coarse = torch.rand(1, 3 + objects, size[0] // 16, size[1] // 16, generator=generator)
+    fine = torch.nn.functional.interpolate(coarse, size, mode="bilinear")
+    image, mask = fine[:, :3], fine[:, 3:] / objects
     with torch.no_grad():
         _, f8, f4, features, key, shrinkage, selection = modules["encode_key"](image)
         sensory = torch.zeros(1, objects, features.shape[1], *features.shape[2:])

@@ -49,7 +49,7 @@ def export_depth_anything(source: Path, folder: Path, name: str = "depth-anythin
     }
     resize = {"rule": "short-side", "short_side": SHORT_SIDE, "interpolation": "cubic", "on": "float32"}
     meaning = METRIC if model.config.depth_estimation_type == "metric" else RELATIVE
-    return export_depth(dynamic(model), folder, int(model.config.patch_size), about, resize, meaning)
+    return export_depth(dynamic(model), folder, int(model.config.patch_size), about, resize, meaning, True)
 
 
 def dynamic(model: Any) -> Any:

@@ -68,6 +68,7 @@ def export_depth(
     about: dict[str, Any],
     resize: dict[str, Any],
     meaning: str,
+    align_corners: bool = False,
 ) -> Path:
     """Graph and contract of a torch module from images (n, 3, h, w), sides whole patches, to depth (n, h', w')."""
     path = folder / f"{about['name']}.onnx"
@@ -89,7 +90,7 @@ def export_depth(
             "batch_verified": batch,
             "resize": {**resize, "multiple_of": patch},
         },
-        "output": {"tensor": "depth", "role": "depth", "meaning": meaning},
+        "output": {"tensor": "depth", "role": "depth", "meaning": meaning, "align_corners": align_corners},
     }
     return write_contract(folder, content)
 

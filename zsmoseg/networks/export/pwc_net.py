@@ -209,17 +209,19 @@ def _estimate(decoder: Any, level: int, one: Any, two: Any, flow: Any, context: 
 def correlation(one: Any, two: Any) -> Any:
     """(n, 81, h, w): the mean over channels of ``one`` times ``two`` shifted by (dy, dx), dy first; zero outside.
 
-    A row of shifts at a time: all 81 at once take 81 copies of the features, one by one take 81 times as many nodes.
+    A row of shifts at a time: all 81 at once take 81 copies of the features. Slices, for what ``unfold`` becomes in ONNX
+    gathers number by number.
     """
     import torch
-    from torch.nn.functional import pad, unfold
+    from torch.nn.functional import pad
 
-    count, channels, height, width = one.shape
+    height, width = one.shape[2:]
     side = 2 * RADIUS + 1
     around = pad(two, (RADIUS, RADIUS, RADIUS, RADIUS))
     rows = []
     for dy in range(side):
-        shifted = unfold(around[:, :, dy : dy + height], (1, side)).view(count, channels, side, height, width)
+        row = around[:, :, dy : dy + height]
+        shifted = torch.stack([row[..., dx : dx + width] for dx in range(side)], 2)
         rows.append((one[:, :, None] * shifted).mean(1))
     return torch.cat(rows, 1)
 
