@@ -134,7 +134,8 @@ def _efficient_sam(
         if more < 0:
             raise ModelError(f"{network.contract.name} takes {shape[2]} points, a box has {points.shape[1]}")
         height, width = embedding.geometry.canvas
-        nowhere = np.array([-width / FULL, -height / FULL], np.float32)  # -1 at the size that the network works at
+        # -1 at the size that the network works at
+        nowhere = np.array([-width / FULL, -height / FULL], np.float32)
         points = np.concatenate([points, np.broadcast_to(nowhere, (len(points), more, 2))], 1)
         labels = np.pad(labels, ((0, 0), (0, more)), constant_values=-1)
     shaped = labels[None].astype(np.float32)
