@@ -145,12 +145,12 @@ def _answers(
     network: Network, embedding: Embedding, prompts: Floats, labels: tuple[int, ...]
 ) -> Iterator[tuple[int, Floats, Floats]]:
     """For each prompt (p, 2) in px of the frame: its number, logits (m, h, w), predicted IoU (m,)."""
-    size = network.contract.extra("masks", MasksTable).boxes_per_call
-    for start in range(0, len(prompts), size):
-        part = prompts[start : start + size]
+    table = network.contract.extra("masks", MasksTable)
+    for start in range(0, len(prompts), table.boxes_per_call):
+        part = prompts[start : start + table.boxes_per_call]
         points = embedding.geometry.points_in(part.reshape(-1, 2)).astype(np.float32).reshape(part.shape)
         named = np.tile(np.array(labels, np.int64), (len(part), 1))
-        if labels == POINT and network.contract.extra("masks", MasksTable).pad_point:
+        if labels == POINT and table.pad_point and table.style != "efficient-sam":
             points = np.pad(points, ((0, 0), (0, 1), (0, 0)))
             named = np.pad(named, ((0, 0), (0, 1)), constant_values=-1)
         logits, quality = decode(network, embedding, points, named)

@@ -28,6 +28,8 @@ from zsmoseg.networks.session import Network
 Floats = NDArray[np.float32]
 Arrays = dict[str, NDArray[np.generic]]
 Decoded = tuple[Floats, Floats]
+FULL = 1024
+"""px that EfficientSAM stretches every picture to, both ways."""
 SINGLE, THREE = 4, 3
 """Masks that a decoder gives: its single mask before the three of several, or the three alone."""
 
@@ -41,7 +43,7 @@ class MasksTable(Table):
     boxes_per_call : boxes, or points of a grid, that a call of the decoder takes.
     passes : 2 gives the best logits back with the box, as SAM-Track does.
     pad_point : a point without a box is followed by one of label -1, as SAM was trained; false where the graph does
-        that itself.
+        that itself; EfficientSAM's always does.
     upsample : ``canvas``: logits grow to the canvas, then to the frame (SAM); ``frame``: in one step (SAM 2).
     """
 
@@ -125,13 +127,16 @@ def _transformers(
 def _efficient_sam(
     network: Network, embedding: Embedding, points: Floats, labels: NDArray[np.int64], back: Floats | None
 ) -> Decoded:
-    """Slots of a fixed number of points that stay empty have label -1."""
+    """Slots of a fixed number of points that stay empty lie where the authors' code puts them: their place counts."""
     shape = network.shape(MAIN, "labels")
     if isinstance(shape[2], int):
         more = shape[2] - points.shape[1]
         if more < 0:
             raise ModelError(f"{network.contract.name} takes {shape[2]} points, a box has {points.shape[1]}")
-        points = np.pad(points, ((0, 0), (0, more), (0, 0)))
+        height, width = embedding.geometry.canvas
+        # -1 at the size that the network works at
+        nowhere = np.array([-width / FULL, -height / FULL], np.float32)
+        points = np.concatenate([points, np.broadcast_to(nowhere, (len(points), more, 2))], 1)
         labels = np.pad(labels, ((0, 0), (0, more)), constant_values=-1)
     shaped = labels[None].astype(np.float32)
     shaped = shaped[..., None] if len(shape) == 4 else shaped
