@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -13,6 +14,8 @@ from graphs_tracker import write_cutie_tracker, write_tracker
 
 from zsmoseg.errors import ModelError
 from zsmoseg.networks.contract import load_contract
+from zsmoseg.networks.export.cutie import cutie
+from zsmoseg.networks.export.deaot import deaot
 from zsmoseg.networks.session import Network
 from zsmoseg.tracking.aggregation import aggregated_groups, aggregated_objects, softmax, stretched
 from zsmoseg.tracking.by_cutie import CutieTracker
@@ -51,7 +54,7 @@ def worst(label: np.ndarray, truth: np.ndarray, numbers: tuple[int, ...]) -> flo
 
 
 @STYLES
-@pytest.mark.parametrize("size", [(121, 167), (150, 110)], ids=str)
+@pytest.mark.parametrize("size", [(121, 167), (200, 150)], ids=str)
 def test_squares_are_followed_at_any_size(write: Writer, size: tuple[int, int], tmp_path: Path) -> None:
     images, truth = clip(16, *size)
     tracker = begun(opened(write(tmp_path)), images[0], truth[0])
@@ -89,7 +92,7 @@ def test_more_objects_than_identities_are_tracked_in_groups(tmp_path: Path) -> N
     for t in range(19, 24):
         label = tracker.step(Step(images[t]))
     assert len(tracker.groups) == 2
-    assert worst(label, truth[23], (1, 2, 3, 4)) > 0.7
+    assert worst(label, truth[23], (1, 2, 3, 4)) > 0.6
 
 
 def test_an_identity_that_no_object_has_never_wins(tmp_path: Path) -> None:
@@ -214,4 +217,20 @@ def test_a_tracker_of_no_known_style_is_refused(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('"deaot"', '"siam"'))
     with pytest.raises(ModelError, match=r"style is siam; cutie and deaot are known"):
         network_tracker(opened(tmp_path))
-    path.write_text(path.read_text().replace('"siam"', '"deaot"').replace('"gap" = 3', '"gap" = 0'))
+    path.write_text(path.read_text().replace('"siam"', '"deaot"').replace("gap = 3", "gap = 0"))
+    with pytest.raises(
+        ModelError, match=r"contract.toml: \[tracker\] gap: Input should be greater than or equal to 1"
+    ):
+        network_tracker(opened(tmp_path))()
+
+
+@pytest.mark.parametrize(
+    ("build", "hint"), [(partial(deaot, "r50-deaotl"), "pip install deaotpy"), (cutie, "hkchengrex/Cutie")]
+)
+def test_an_export_without_the_authors_code_says_where_to_get_it(
+    build: Callable[[], object], hint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("aot", "configs", "cutie"):
+        monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ModelError, match=hint):
+        build()

@@ -62,19 +62,21 @@ def deaot(name: str) -> tuple[Any, int]:
     ModelError
         Their code is not installed or has no such network.
     """
+    why = ""
     for package in PACKAGES:
         try:
             configs = importlib.import_module(f"{package}configs.models.{name.replace('-', '_')}")
             models = importlib.import_module(f"{package}networks.models")
-        except ImportError:
+        except ImportError as error:
+            why = why or str(error)
             continue
         config = configs.ModelConfig()
         for key, value in _training().items():
             setattr(config, key, value)
         return models.build_vos_model(config.MODEL_VOS, config).eval(), int(config.TEST_LONG_TERM_MEM_GAP)
     raise ModelError(
-        f"{name}: the code of DeAOT's authors is not there or does not know it; pip install deaotpy, or put a checkout "
-        "of github.com/yoxu515/aot-benchmark on PYTHONPATH"
+        f"{name}: the code of DeAOT's authors is not there or does not know it ({why}); pip install deaotpy, or put a "
+        "checkout of github.com/yoxu515/aot-benchmark on PYTHONPATH"
     )
 
 
