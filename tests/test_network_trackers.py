@@ -16,8 +16,9 @@ from zsmoseg.errors import ModelError
 from zsmoseg.networks.contract import load_contract
 from zsmoseg.networks.export.cutie import cutie
 from zsmoseg.networks.export.deaot import deaot
+from zsmoseg.networks.image import aligned
 from zsmoseg.networks.session import Network
-from zsmoseg.tracking.aggregation import aggregated_groups, aggregated_objects, softmax, stretched
+from zsmoseg.tracking.aggregation import aggregated_groups, aggregated_objects, softmax
 from zsmoseg.tracking.by_cutie import CutieTracker
 from zsmoseg.tracking.by_deaot import DeaotTracker
 from zsmoseg.tracking.by_network import network_tracker
@@ -207,7 +208,7 @@ def test_objects_judged_apart_share_a_pixel_by_their_odds() -> None:
 
 def test_maps_are_stretched_with_corners_on_corners() -> None:
     y, x = np.mgrid[:5, :7].astype(np.float32)
-    large = stretched(np.stack([x, y]), (17, 25))
+    large = aligned(np.stack([x, y]), (17, 25))
     np.testing.assert_allclose(large[0], np.broadcast_to(np.arange(25) / 4, (17, 25)), atol=1e-6)
     np.testing.assert_allclose(large[1], np.broadcast_to(np.arange(17)[:, None] / 4, (17, 25)), atol=1e-6)
 

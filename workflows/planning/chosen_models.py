@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from zsmoseg.errors import ModelError, SettingsError
-from zsmoseg.networks.contract import NAME, Contract, load_contract, pinned
+from zsmoseg.networks.contract import NAME, Contract, load_contract
 from zsmoseg.networks.depth import kind_of
 from zsmoseg.networks.flow import check_flow
 from zsmoseg.networks.prompts import parse_prompt
+from zsmoseg.networks.references import pinned
 from zsmoseg.settings import Section, Settings
 from zsmoseg.workflows.models.place import find_model
 

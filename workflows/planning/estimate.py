@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from zsmoseg.errors import SpaceError
-from zsmoseg.networks.contract import PIN, Contract, load_contract
+from zsmoseg.networks.contract import Contract
+from zsmoseg.networks.references import contract_at
 from zsmoseg.stores.location import Store
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
 
@@ -99,7 +100,7 @@ def fitting_workers(plans: Sequence[VideoPlan]) -> int | None:
         return None
     import psutil
 
-    need = WORKER + max(_memory(load_contract(model.partition(PIN)[0])) for model in models)
+    need = WORKER + max(_memory(contract_at(model)) for model in models)
     return max(1, min(cores(None), int(psutil.virtual_memory().available // need)))
 
 

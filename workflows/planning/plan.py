@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from zsmoseg.errors import SettingsError
-from zsmoseg.networks.contract import PIN
+from zsmoseg.networks.references import is_pinned
 from zsmoseg.settings import Settings
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.checks import part_problem
@@ -60,7 +60,7 @@ class StagePlan:
             model
             for name in self.stage.section_names
             for model in getattr(self.given, name).models().values()
-            if PIN in model
+            if is_pinned(model)
         ]
 
     @property

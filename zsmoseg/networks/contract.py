@@ -29,8 +29,6 @@ ROLES: Mapping[str, str] = {"depth": "depth", "flow": "flow", "tags": "scores"}
 """What the one output of a task is."""
 PROSE = ("notes", "export", "postprocess")
 """Tables that nothing reads."""
-PIN = "@sha256:"
-"""Between the folder of a model and its digest, in a reference that is pinned."""
 TABLES = ("tags", "text", "masks", "instances", "tracker")
 """Tables that the adapter of a task reads (``Contract.extra``)."""
 
@@ -333,15 +331,9 @@ def _first(error: ValidationError) -> str:
     """What is wrong first, in words."""
     found = error.errors()[0]
     where = ".".join(str(part) for part in found["loc"])
-    what = "is no key of a contract" if found["type"] == "extra_forbidden" else found["msg"]
+    words = {
+        "extra_forbidden": "is no key of a contract",
+        "string_pattern_mismatch": f"{found['input']!r} is refused; a name has no path, a sha256 64 digits",
+    }
+    what = words.get(found["type"], found["msg"])
     return f"{where}: {what}" if where else what
-
-
-def pinned(contract: Contract) -> str:
-    """A reference to just this model: where it lies, and the digest that it must have there."""
-    return f"{contract.folder.absolute()}{PIN}{contract.digest}"
-
-
-def digest_of(reference: str) -> str:
-    """The digest of a pinned reference; what is not pinned is itself."""
-    return reference.rpartition(PIN)[2]

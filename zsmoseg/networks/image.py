@@ -81,14 +81,26 @@ class Geometry:
         return np.asarray(cv2.resize(part, wanted[::-1], interpolation=CV[interpolation]), np.float32)
 
 
-def aligned(values: NDArray[Any], size: Size) -> NDArray[Any]:
-    """A map (h, w[, c]) at another (height, width), the centres of the corner pixels kept: ``align_corners = True``."""
-    (h, w), (height, width) = values.shape[:2], size
-    x = np.linspace(0, w - 1, width, dtype=np.float32) if width > 1 else np.zeros(1, np.float32)
-    y = np.linspace(0, h - 1, height, dtype=np.float32) if height > 1 else np.zeros(1, np.float32)
-    return np.asarray(
-        cv2.remap(values, *np.meshgrid(x, y), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    )
+def aligned(values: NDArray[Any], size: Size) -> Tensor:
+    """Maps (..., h, w) at another (height, width): bilinear, the corner pixels stay the corner pixels.
+
+    ``cv2.remap`` would round places to 1/32 px.
+    """
+    rows, columns = (_weights(before, after) for before, after in zip(values.shape[-2:], size, strict=True))
+    down = np.swapaxes(_between(np.swapaxes(values, -1, -2), rows), -1, -2)
+    return _between(down, columns)
+
+
+def _weights(before: int, after: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Tensor]:
+    """For each new place the two old ones beside it, and how much of the second."""
+    place = np.arange(after) * ((before - 1) / max(after - 1, 1))
+    low = np.minimum(place.astype(np.int64), before - 1)
+    return low, np.minimum(low + 1, before - 1), (place - low).astype(np.float32)
+
+
+def _between(values: NDArray[Any], weights: tuple[NDArray[np.int64], NDArray[np.int64], Tensor]) -> Tensor:
+    low, high, part = weights
+    return np.asarray(values[..., low] * (1 - part) + values[..., high] * part, np.float32)
 
 
 def geometry(original: Size, rule: Resize) -> Geometry:
@@ -190,7 +202,7 @@ def _scaled(frame: Frame, where: Geometry, rule: Resize) -> NDArray[Any]:
         return _antialiased(frame, size, rule)
     source = frame.astype(np.float32) if rule.on == "float32" else frame
     if rule.align_corners:
-        return aligned(source, where.resized)
+        return aligned(np.moveaxis(source, 2, 0), where.resized).transpose(1, 2, 0)
     return np.asarray(cv2.resize(source, size, interpolation=CV[rule.interpolation]))
 
 

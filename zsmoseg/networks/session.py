@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import ModelError, NetworkError, SettingsError
-from zsmoseg.networks.contract import NAME, PIN, Contract, File, Graph, load_contract
+from zsmoseg.networks.contract import NAME, Contract, File, Graph
+from zsmoseg.networks.references import contract_at, digest_of
 
 Array = NDArray[Any]
 
@@ -176,10 +177,11 @@ def open_network(reference: str, provider: str, threads: int) -> Network:
     ModelError
         The model is no longer there, or no longer the one that was planned with.
     """
-    folder, _, digest = reference.rpartition(PIN)
-    contract = load_contract(folder)
-    if contract.digest != digest:
-        raise ModelError(f"{folder}: is another model than when the run was planned; start the run again")
+    contract = contract_at(reference)
+    if contract.digest != digest_of(reference):
+        raise ModelError(
+            f"{contract.folder}: is another model than when the run was planned; start the run again"
+        )
     return Network(contract, provider, threads)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from zsmoseg.networks.contract import digest_of
+from zsmoseg.networks.references import digest_of
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

@@ -55,24 +55,3 @@ def aggregated_objects(probability: Real) -> Real:
 def _logit(probability: NDArray[np.floating], least: float) -> Real:
     kept = np.clip(np.asarray(probability, np.float32), np.float32(least), np.float32(1 - least))
     return np.asarray(np.log(kept / (1 - kept)), np.float32)
-
-
-def stretched(values: Real, size: tuple[int, ...]) -> Real:
-    """Maps (n, h, w) at another (height, width): bilinear, the corner pixels stay the corner pixels.
-
-    ``cv2.remap`` would round places to 1/32 px.
-    """
-    rows, columns = (_weights(before, after) for before, after in zip(values.shape[1:], size, strict=True))
-    return _between(np.swapaxes(_between(np.swapaxes(values, 1, 2), rows), 1, 2), columns)
-
-
-def _weights(before: int, after: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Real]:
-    """For each new place the two old ones beside it, and how much of the second."""
-    place = np.arange(after) * ((before - 1) / max(after - 1, 1))
-    low = np.minimum(place.astype(np.int64), before - 1)
-    return low, np.minimum(low + 1, before - 1), (place - low).astype(np.float32)
-
-
-def _between(values: Real, weights: tuple[NDArray[np.int64], NDArray[np.int64], Real]) -> Real:
-    low, high, part = weights
-    return np.asarray(values[..., low] * (1 - part) + values[..., high] * part, np.float32)

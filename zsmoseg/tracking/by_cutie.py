@@ -9,8 +9,8 @@ when follows the authors' code without its long-term memory. The memory is here;
   (1, K, c, T, h, w), object_memory, pix_feat, sensory, last_mask[, memory_valid] -> memory_readout
 - ``decode``: f8, f4, memory_readout, sensory[, f16] -> new_sensory, prob (1, 1 + K, H, W)
 
-The number of objects K is free or 1, then every object is run alone; that of frames T is free or fixed, then places
-without a frame are marked in ``memory_valid``.
+The number of objects K is free or 1: then every object is run alone and does not know the others, an approximation. That
+of frames T is free or fixed: then places without a frame are marked in ``memory_valid``.
 """
 
 from __future__ import annotations

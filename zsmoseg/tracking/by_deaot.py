@@ -7,7 +7,7 @@ remembered when follows the authors' code. The memory is here, in arrays of toke
 - ``identify``: one_hot (1, 1 + n, H, W) -> identity: what the masks say, a token a cell
 - ``reference``: emb, identity -> key, value, id (layers, tokens, channels): a frame whose masks are given
 - ``propagate``: s4, s8, s16, emb, long_* and short_* (key, value, id) -> logits (1, 1 + n, H/4, W/4), key, value, context
-- ``fuse``: context, identity -> id: with key and value, the memory of a frame whose masks were found
+- ``fuse``: identity[, context] -> id: with key and value, the memory of a frame whose masks were found
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from zsmoseg.networks.contract import Table
-from zsmoseg.networks.image import prepare
+from zsmoseg.networks.image import aligned, prepare
 from zsmoseg.networks.session import Network
-from zsmoseg.tracking.aggregation import aggregated_groups, stretched
+from zsmoseg.tracking.aggregation import aggregated_groups
 from zsmoseg.tracking.carrying import Label
 from zsmoseg.tracking.protocol import Frame, Step
 
@@ -115,7 +115,7 @@ class DeaotTracker:
         self._remember(image.shape[2:])
         encoded = self.network.run("encode", {"image": image})
         groups = [self._propagate(group, encoded, k) for k, group in enumerate(self.groups)]
-        return aggregated_groups([stretched(group, frame.shape[:2]) for group in groups])
+        return aggregated_groups([aligned(group, frame.shape[:2]) for group in groups])
 
     def tokens(self) -> int:
         """How many tokens are remembered for long, all groups together."""
@@ -136,10 +136,12 @@ class DeaotTracker:
         """Put the masks of the last frame into what is remembered of it."""
         if not self.groups or self.groups[0].found is None:
             return
+        taken = self.network.inputs("fuse")
         for group, identity in zip(self.groups, self._identities(self.label, size), strict=True):
             assert group.found is not None
             key, value, context = group.found
-            fused = self.network.run("fuse", {"context": context, "identity": identity})["id"]
+            feeds = {"context": context, "identity": identity}
+            fused = self.network.run("fuse", {r: feeds[r] for r in feeds if r in taken})["id"]
             group.short, group.found = (key, value, fused), None
             if self.since >= self.rules.gap:
                 group.long.append(group.short)

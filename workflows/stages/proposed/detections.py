@@ -13,6 +13,7 @@ from zsmoseg import settings
 from zsmoseg.formats.rle import packed
 from zsmoseg.networks.box_masks import embed, masks_of_boxes, masks_of_points, point_grid
 from zsmoseg.networks.instance_masks import categories_of, network_instances
+from zsmoseg.networks.references import contract_at
 from zsmoseg.networks.tags import chosen_tags, tag_thresholds
 from zsmoseg.networks.text_boxes import prompts_for, text_boxes
 from zsmoseg.proposals.candidates import ranked
@@ -21,7 +22,7 @@ from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import Part, Stage, reach
 from zsmoseg.workflows.stages.cues.flow import Flow
 from zsmoseg.workflows.stages.proposed.looks import looks, span_of
-from zsmoseg.workflows.stages.proposed.naming import categories, contract_at, tag_list
+from zsmoseg.workflows.stages.proposed.naming import categories, tag_list
 from zsmoseg.workflows.stages.proposed.tags import Tags
 
 Floats = NDArray[np.float32]

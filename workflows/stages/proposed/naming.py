@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from zsmoseg import settings
-from zsmoseg.networks.contract import PIN, Contract, load_contract
 from zsmoseg.networks.instance_masks import categories_of
 from zsmoseg.networks.prompts import parse_prompt
+from zsmoseg.networks.references import contract_at
 from zsmoseg.networks.tags import tag_names
 
 ANYTHING = ("object",)
 """The one category of networks that name nothing."""
-
-
-def contract_at(reference: str) -> Contract:
-    """The contract of a pinned reference."""
-    return load_contract(Path(reference.partition(PIN)[0]))
 
 
 def tag_list(s: settings.Tags) -> tuple[str, ...]:

@@ -100,6 +100,8 @@ def write_deaot(network: Any, folder: Path, name: str, gap: int = 5) -> Path:
         for graph, module in modules.items():
             path = folder / f"{name}-{graph}.onnx"
             inputs, outputs = NAMES[graph]
+            if graph == "fuse" and len(network.LSTT.layers) == 1:
+                inputs = ("identity",)  # the first layer's memory holds no context
             axes = {tensor: AXES[tensor] for tensor in (*inputs, *outputs)}
             export_graph(module, first[graph], path, inputs, outputs, axes)
             dynamic.append(verified_dynamic(module, path, [second[graph]]))
@@ -193,7 +195,7 @@ def _arguments(modules: dict[str, Any], size: tuple[int, int]) -> dict[str, Any]
         "identify": [one_hot],
         "reference": [encoded[-1], identity],
         "propagate": [*encoded, *long, *memory],
-        "fuse": [context, identity],
+        "fuse": [context, identity] if len(context) > 1 else [identity],
     }
 
 
@@ -239,10 +241,11 @@ def _propagate(network: Any, *tensors: Any) -> Any:
     return logits, key, value, before.transpose(0, 1)
 
 
-def _fuse(network: Any, context: Any, identity: Any) -> Any:
-    """What the masks of a frame add to its memory: (layers, cells, channels)."""
+def _fuse(network: Any, *tensors: Any) -> Any:
+    """What the masks of a frame add to its memory, from its context and them: (layers, cells, channels)."""
     import torch
 
+    context, identity = tensors[0], tensors[-1]
     found = [
         layer.fuse_key_value_id(None, _token(context, i) if i else None, identity)[1]
         for i, layer in enumerate(network.LSTT.layers)
