@@ -274,3 +274,30 @@ def test_the_whole_paper_runs_and_the_executor_changes_no_byte(
     known = clip[1] != BLUE
     moving = masks(root / "serial/out/clip") > 0
     assert overlap(moving & known, (clip[1] > 0) & known) > 0.8, "our decision on the paper's front end"
+
+
+def test_networks_run_on_the_workers_that_have_a_gpu(
+    clip: tuple[Path, np.ndarray], models: Path, tmp_path: Path
+) -> None:
+    """Two workers of a cluster, one of which says that it has one: no session is ever opened on the other."""
+    from distributed import Client, Nanny, Scheduler, SpecCluster
+
+    plain = {
+        "cls": Nanny,
+        "options": {"nthreads": 1, "dashboard_address": ":0", "env": {"ZSMOSEG_MODELS": str(models)}},
+    }
+    spec = {"gpu": {**plain, "options": {**plain["options"], "resources": {"GPU": 1}}}, "plain": plain}
+    scheduler = {"cls": Scheduler, "options": {"host": "127.0.0.1", "dashboard_address": ":0"}}
+    with SpecCluster(spec, scheduler) as cluster, Client(cluster) as client:
+        client.wait_for_workers(2, timeout=60)
+        segment(clip[0], tmp_path, ALONE, scheduler=client, until=["labels"])
+        opened = client.run(_sessions)
+        resources = {w: bool(about["resources"]) for w, about in client.scheduler_info(-1)["workers"].items()}
+    assert {worker: count > 0 for worker, count in opened.items()} == resources
+    assert sorted(resources.values()) == [False, True]
+
+
+def _sessions() -> int:
+    from zsmoseg.networks.session import open_network
+
+    return open_network.cache_info().currsize

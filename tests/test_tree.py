@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
 import xarray as xr
 from conftest import draw_clip, write_folder
+from graphs import coloured_clip, write_depth, write_detector, write_segmenter, write_tagger
 from runs import segment
 
 import zsmoseg
@@ -21,6 +23,7 @@ from zsmoseg.workflows.stages.graph import GRAPHS
 CUT = 6
 """Frame at which the second shot begins."""
 FRONTS: dict[str, dict[str, Any]] = {
+    "network-flow": {"looks.span": 3},
     "embedded-flow": {"depth.source": "ground"},
     "imported-epipolar": {"affinity.cues": "both", "trajectories.gaps": [1, 2]},
 }
@@ -43,6 +46,17 @@ def finished(
             ids[5:30, 5:30] = 3
             (root / "given" / f"{t:05d}.png").write_bytes(encode_png(ids))
         settings["proposals.path"] = str(root / "given")
+    if request.param.startswith("network"):
+        settings |= {
+            "tags.model": str(write_tagger(root / "tagger")),
+            "proposals.boxes": str(write_detector(root / "detector")),
+            "proposals.masks": str(write_segmenter(root / "segmenter")),
+            "depth.model": str(write_depth(root / "depth")),
+        }
+        shutil.rmtree(root / "disc")
+        write_folder(
+            root / "disc", np.concatenate([coloured_clip(CUT, 96, 128)[0], coloured_clip(6, 96, 128, 1)[0]])
+        )
     left: dict[str, list[Arrays]] = {}
     with pytest.MonkeyPatch.context() as patch:
         from zsmoseg.stores.writer import PartWriter
@@ -79,7 +93,18 @@ def test_every_array_that_any_stage_leaves_is_in_the_tree_with_its_dims(
             assert array.attrs["long_name"] == field.meaning
             assert array.attrs.get("units", "") == field.unit
             for dim in field.dims:
-                if dim in TIMES or dim in {"component", "channel", "object", "model", "other", "term", "cue"}:
+                if dim in TIMES or dim in {
+                    "component",
+                    "channel",
+                    "object",
+                    "model",
+                    "other",
+                    "term",
+                    "cue",
+                    "tag",
+                    "category",
+                    "edge",
+                }:
                     assert dim in array.coords, f"{stage.name}/{name} has no labels of {dim}"
         opened = xr.open_zarr(result.artifact(stage.name).path)
         assert set(opened.variables) >= set(there)

@@ -124,7 +124,9 @@ def _cost(plan: VideoPlan, name: str) -> dict[str, float]:
     artifact = plan.stages[name].artifact
     assert artifact is not None
     records = [r for r in map(artifact.part, range(len(artifact.parts))) if r is not None]
+    warm_up = sum(r.facts.get("warm_up", 0.0) for r in records)
     return {
         "seconds": round(sum(r.facts.get("seconds", 0.0) for r in records), 3),
+        **({"warm_up_seconds": round(warm_up, 3)} if warm_up else {}),
         "megabytes": round(sum(f["size"] for r in records for f in r.files.values()) / 1e6, 3),
     }
