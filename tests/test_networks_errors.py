@@ -297,3 +297,22 @@ def test_no_tags_and_no_boxes_are_an_empty_answer_and_no_error(tmp_path: Path) -
 
 def test_what_is_not_finite_is_an_error_of_the_network() -> None:
     assert issubclass(OutOfMemory, NetworkError)
+
+
+def test_a_tracker_that_fails_names_the_frame_that_it_is_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from zsmoseg.tracking.by_flow import FlowTracker
+
+    calls = iter(range(100))
+
+    def step(self: FlowTracker, step: Any) -> Any:
+        if next(calls) == 2:
+            raise NetworkError("its output is not finite")
+        return self.label
+
+    monkeypatch.setattr(FlowTracker, "step", step)
+    clip = write_folder(tmp_path / "clip", coloured_clip(8, 96, 128)[0])
+    settings = resolve(overrides={"proposals.model": str(write_instances(tmp_path / "instances"))})
+    report = run(Request([str(clip)], tmp_path / "out", tmp_path / "store", settings, "serial"))
+    assert "frame 00003: its output is not finite" in report.failures["clip"]

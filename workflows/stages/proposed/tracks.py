@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
+from zsmoseg.errors import NetworkError
 from zsmoseg.formats.rle import packed
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
@@ -66,12 +67,22 @@ def _factory(part: Part, s: Sections) -> Factory:
     return lambda: FlowTracker(grid)
 
 
-def _moments(part: Part, inputs: Inputs, start: int, stop: int) -> Iterator[Moment]:
+@dataclass
+class _Shot:
+    """The frames ``start`` to ``stop - 1``, and the one that the trackers are at."""
+
+    start: int
+    stop: int
+    at: int = 0
+
+
+def _moments(part: Part, inputs: Inputs, shot: _Shot) -> Iterator[Moment]:
     """The frames of one shot, with the masks that are proposed; one frame in memory at a time."""
     known = inputs.proposals.known
-    for t, frame in enumerate(read(part.probe, start, stop), start=start):
+    for t, frame in enumerate(read(part.probe, shot.start, shot.stop), start=shot.start):
+        shot.at = t
         backward = forward = None
-        if t > start:
+        if t > shot.start:
             pair = inputs.flow.of(t - 1, t)
             backward, forward = pair.backward[0], pair.forward[0]
         masks = None
@@ -81,8 +92,7 @@ def _moments(part: Part, inputs: Inputs, start: int, stop: int) -> Iterator[Mome
             # 1 to K without gaps: what lies wholly under others has no pixels
             masks = np.append(0, np.searchsorted(numbers, np.arange(1, int(label.max()) + 1)) + 1)[label]
             masks = masks.astype(np.uint16)
-        with part.at_frame(t):
-            yield Moment(Step(frame, backward, forward), masks)
+        yield Moment(Step(frame, backward, forward), masks)
 
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Tracks]:
@@ -90,10 +100,15 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Tracks]:
     spans = Spans(s.tracking.handover, s.linking.overlap, s.linking.gap, s.tracking.carry)
     factory, last = _factory(part, s), 0
     for start, stop in between_cuts(inputs.flow.state):
-        followed = follow(_moments(part, inputs, start, stop), factory, spans, last)
+        shot = _Shot(start, stop)
+        followed = follow(_moments(part, inputs, shot), factory, spans, last)
         for at in range(start, stop, BLOCK):
-            found = list(islice(followed, min(BLOCK, stop - at)))
-            last = max(last, *(int(f.masks.max(initial=0)) for f in found if f.masks is not None), last)
+            try:
+                found = list(islice(followed, min(BLOCK, stop - at)))
+            except NetworkError:
+                with part.at_frame(shot.at):
+                    raise
+            last = max([last, *(int(f.masks.max(initial=0)) for f in found if f.masks is not None)])
             yield _block(at, found, last if at + BLOCK >= stop else None)
 
 
