@@ -26,12 +26,16 @@ from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
 
 @dataclass
 class StagePlan:
-    """One stage of one video: its key, how it is cut, which parts are to do, and why."""
+    """One stage of one video: its key, how it is cut, which parts are to do, and why.
+
+    ``settings`` are those that it reads, ``acting`` what of them is in the key: content in the place of paths.
+    """
 
     stage: Stage[Any, Any]
     key: str
     inputs: dict[str, str]
     settings: dict[str, Any]
+    acting: dict[str, dict[str, Any]]
     parts: list[tuple[int, int]]
     todo: list[int] = field(default_factory=list)
     reason: str = "done"
@@ -191,7 +195,7 @@ def _plan_stage(plan: VideoPlan, store: Store, stage: Stage[Any, Any], settings:
     artifact = None if stage.output else store.artifact(plan.video, stage.name, key)
     if artifact is not None and stage.scope == "chunk" and artifact.parts:
         parts = list(artifact.parts)
-    return StagePlan(stage, key, inputs, dumped, parts, artifact=artifact)
+    return StagePlan(stage, key, inputs, dumped, active, parts, artifact=artifact)
 
 
 def cut(frames: int, length: int) -> list[tuple[int, int]]:

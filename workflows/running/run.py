@@ -23,6 +23,7 @@ from zsmoseg.workflows.running.artifacts import plans_record, prepare, seal_vide
 from zsmoseg.workflows.running.executors import Executor, make_executor
 from zsmoseg.workflows.running.jobs import Job, Outcome
 from zsmoseg.workflows.running.request import Quiet, Report, Request, Watcher
+from zsmoseg.workflows.running.trust import promised
 from zsmoseg.workflows.stages.graph import names
 
 SMALL = 15.0
@@ -208,6 +209,7 @@ def jobs(
                 plan.graph,
                 networks,
                 bool(stage.models),
+                promised(plan, stage, request.settings.video.fingerprint),
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]
