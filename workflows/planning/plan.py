@@ -28,7 +28,8 @@ from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
 class StagePlan:
     """One stage of one video: its key, how it is cut, which parts are to do, and why.
 
-    ``settings`` are those that it reads, ``acting`` what of them is in the key: content in the place of paths.
+    ``settings`` are those that it reads, ``acting`` what of them is in the key: content in the place of paths;
+    ``again``: asked for (``--from``), whether it is done or not.
     """
 
     stage: Stage[Any, Any]
@@ -39,6 +40,7 @@ class StagePlan:
     parts: list[tuple[int, int]]
     todo: list[int] = field(default_factory=list)
     reason: str = "done"
+    again: bool = False
     artifact: Artifact | None = None
 
     @property
@@ -214,6 +216,7 @@ def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None
     stage.todo = [i for i in range(len(stage.parts)) if again or i in problems or i in behind]
     if not stage.todo:
         return
+    stage.again = again
     if again:
         stage.reason = f"asked for (--from {start_from})"
     elif not _begun(plan, stage):

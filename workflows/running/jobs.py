@@ -85,6 +85,7 @@ def _run(job: Job) -> Outcome:
     from zsmoseg.settings import Networks, Settings
     from zsmoseg.stores.checks import part_problem
     from zsmoseg.stores.files import full_disk_in_words
+    from zsmoseg.stores.leases import lease
     from zsmoseg.stores.location import Store
     from zsmoseg.stores.writer import PartWriter
     from zsmoseg.video.probe import Probe
@@ -113,13 +114,17 @@ def _run(job: Job) -> Outcome:
             list(left)
         refuse_changed(job.promise, part, sections, store)
         return Outcome("done", time.process_time() - clock, peak_memory_mb(), part.facts)
-    with PartWriter(artifact, job.part) as writer:
-        for block in left:
-            writer.put(block)
-        refuse_changed(job.promise, part, sections, store)
-        seconds = time.process_time() - clock - part.warm_up
-        warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
-        writer.facts = {**part.facts, **warm_up, "seconds": round(seconds, 4)}
+    with lease(artifact.lease_path(job.part), lambda: not part_problem(artifact, job.part)) as ours:
+        # somebody else may have finished it while this run waited, or just before: what is finished stays
+        if not ours or not part_problem(artifact, job.part):
+            return Outcome("done", time.process_time() - clock, peak_memory_mb())
+        with PartWriter(artifact, job.part) as writer:
+            for block in left:
+                writer.put(block)
+            refuse_changed(job.promise, part, sections, store)
+            seconds = time.process_time() - clock - part.warm_up
+            warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
+            writer.facts = {**part.facts, **warm_up, "seconds": round(seconds, 4)}
     return Outcome("done", seconds, peak_memory_mb())
 
 
