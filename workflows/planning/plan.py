@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
+from textwrap import shorten
 from typing import Any
 
 from zsmoseg.errors import SettingsError
-from zsmoseg.networks.references import is_pinned
+from zsmoseg.networks.references import in_words, is_pinned
 from zsmoseg.settings import Settings
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.checks import part_problem
@@ -269,11 +270,16 @@ def _what_changed(plan: VideoPlan, stage: StagePlan) -> str:
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """``setting flow.stride: 4 -> 5`` for every setting that differs."""
     return [
-        f"setting {section}.{name}: {old.get(section, {}).get(name)} -> {value}"
+        f"setting {section}.{name}: {_in_words(old.get(section, {}).get(name))} -> {_in_words(value)}"
         for section, fields in new.items()
         for name, value in fields.items()
         if old.get(section, {}).get(name, value) != value
     ]
+
+
+def _in_words(value: Any) -> str:
+    """A value as it is shown: short, and of a model its name and the front of its digest."""
+    return shorten(str(in_words(value)), 80, placeholder=" ...")
 
 
 def explain_plan(plans: Sequence[VideoPlan]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from zsmoseg.errors import StageError, ZsmosegError
+from zsmoseg.errors import SpaceError, StageError, ZsmosegError
 from zsmoseg.networks.session import chosen_provider
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import RunRecord
@@ -97,8 +97,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     report.run = record.content["id"]
     state = "interrupted"
     try:
-        for plan in plans:
-            prepare(store, plan)
+        plans = [plan for plan in plans if _prepared(store, plan, report, watcher)]
         scheduler = request.scheduler
         if scheduler == "local" and guess.seconds < SMALL:
             scheduler = "serial"
@@ -113,6 +112,19 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     finally:
         record.end(state, report.failures, report.traces)
     return report
+
+
+def _prepared(store: Store, plan: VideoPlan, report: Report, watcher: Watcher) -> bool:
+    """Lay out what a video needs; whether that went well."""
+    try:
+        prepare(store, plan)
+    except SpaceError:
+        raise
+    except ZsmosegError as error:
+        report.failures[plan.name] = str(error)
+        watcher.failed(plan.name, str(error))
+        return False
+    return True
 
 
 def _drive(
