@@ -61,10 +61,11 @@ def network_depth(
             raise ModelError(
                 f"{network.contract.folder / NAME}: its output is {list(found.shape)}; depth is one number a pixel"
             )
-        if not (found > 0).any():
+        if not found.max() > 0:
             raise NetworkError(
                 f"{network.contract.name}: its depth is nowhere above 0; is the input range right?"
             )
         if network.contract.meaning_of("depth").align_corners:
             where = replace(where, align_corners=True)
-        yield relative(inverse_depth(where.map_out(found.reshape(found.shape[-2:])), kind), size)
+        full = where.map_out(found.reshape(found.shape[-2:]))
+        yield relative(full if kind == "inverse-depth" else inverse_depth(full, kind), size)

@@ -196,8 +196,9 @@ def _normalised(values: NDArray[Any], image: Image) -> Tensor:
     """(3, h, w) of (h, w, 3), blue green red: colours in order, (x * scale - mean) / std; plane by plane, which is fast."""
     order = (2, 1, 0) if image.colour_order == "RGB" else (0, 1, 2)
     planes = np.empty((3, *values.shape[:2]), np.float32)
+    channels = cv2.split(np.ascontiguousarray(values))
     for plane, channel, mean, std in zip(planes, order, image.mean, image.std, strict=True):
-        np.multiply(values[..., channel], np.float32(image.scale), out=plane)
+        np.multiply(channels[channel], np.float32(image.scale), out=plane)
         if mean:
             plane -= np.float32(mean)
         if std != 1:

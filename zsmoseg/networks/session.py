@@ -107,7 +107,11 @@ class Network:
         for role, value in zip(roles, found, strict=True):
             # -inf is how networks say never in logits that are masked; all else that is not finite is a failure
             lowest = -np.inf if role == "logits" else np.finfo(np.float32).min
-            if value.dtype.kind == "f" and not ((value < np.inf) & (value >= lowest)).all():
+            if (
+                value.dtype.kind == "f"
+                and value.size
+                and not (value.min() >= lowest and value.max() < np.inf)
+            ):
                 raise NetworkError(
                     f"{self.contract.name}: its output {role} is not finite; is the input range of its contract right?"
                 )
