@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from zsmoseg.errors import ZsmosegError
+from zsmoseg.errors import ZsmosegError, in_words
 
 if TYPE_CHECKING:
     from zsmoseg.stores.location import Store
@@ -75,6 +75,9 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
             "failed", error="out of memory; use fewer workers (--workers) or a smaller chunk.length"
         )
     except Exception as error:
+        words = in_words(error)
+        if words is not None:
+            return Outcome("failed", error=words)
         what = f"unexpected {type(error).__name__}: {error}"
         return Outcome("failed", error=what, trace=traceback.format_exc())
 
