@@ -124,7 +124,7 @@ class Dask:
         """A scheduler that a job script starts beside the run writes its file when it is up."""
         begun = time.monotonic()
         while not os.path.exists(self._where):
-            self._wait(begun, f"the scheduler file {self._where}", "start the scheduler")
+            self._wait(begun, f"scheduler file {self._where}", "start the scheduler")
             time.sleep(TICK)
 
     # ------------------------------------------------------------------ workers
@@ -170,7 +170,7 @@ class Dask:
         self._looked = time.monotonic()
         new = present.keys() - self._known
         if new and self._needs is not None:
-            refuse(problems(self._client, sorted(new), self._needs), len(present))
+            refuse(problems(self._client, sorted(new), self._needs), present)
         self._known = set(present)
         with_gpu = {address for address, worker in present.items() if GPU in worker["resources"]}
         self._gpu = bool(with_gpu) or self._gpu

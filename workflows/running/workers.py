@@ -157,18 +157,19 @@ def _ask(client: Any, workers: Sequence[str], *question: Any) -> Mapping[str, An
     return answers
 
 
-def refuse(found: Mapping[str, str], workers: int) -> None:
-    """Raise ``ClusterError`` with the names of the workers that cannot do the work."""
+def refuse(found: Mapping[str, str], present: Mapping[str, Any]) -> None:
+    """Raise ``ClusterError`` with the names of the workers that cannot do the work; ``present``: all, by address."""
     if not found:
         return
     by_problem: dict[str, list[str]] = {}
     for worker, problem in found.items():
-        by_problem.setdefault(problem, []).append(worker)
+        name = str(present[worker].get("name", worker))
+        by_problem.setdefault(problem, []).append(worker if name == worker else f"{name} ({worker})")
     words = []
     for problem, names in by_problem.items():
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         words.append(f"{', '.join(names[:SHOWN])}{more}: {problem}")
     raise ClusterError(
-        f"{len(found)} of {workers} workers cannot do this work: {'; '.join(words)}; start all workers in the same "
+        f"{len(found)} of {len(present)} workers cannot do this work: {'; '.join(words)}; start all workers in the same "
         "environment, on machines that see store, sources and output under the same paths"
     )
