@@ -209,7 +209,9 @@ def _run(request: Request, options: argparse.Namespace) -> int:
     videos = len(report.failures) + len(report.finished)
     for line in failure_lines(report.failures, videos, again(options.words)):
         print(line, file=sys.stderr)
-    return 1 if report.failures else 0
+    if not report.failures:
+        return 0
+    return 1 if report.started else 2
 
 
 def again(words: Sequence[str]) -> str:

@@ -26,7 +26,7 @@ class Events:
     def __init__(self, path: Path, watcher: Watcher) -> None:
         self.path, self.watcher = path, watcher
         try:
-            self._file: Any = path.open("a", encoding="utf-8", errors="backslashreplace")
+            self._file: Any = path.open("ab", buffering=0)
         except (OSError, ValueError) as error:
             raise OutputError(f"--events: {in_words(error) or error}; give another file") from error
 
@@ -36,9 +36,9 @@ class Events:
             return
         line = {"time": datetime.now(UTC).isoformat(timespec="milliseconds"), "event": event, **what}
         try:
-            self._file.write(json.dumps(line, allow_nan=False) + "\n")
-            self._file.flush()
+            self._file.write(json.dumps(line, allow_nan=False).encode() + b"\n")
         except OSError as error:
+            self._file.close()
             self._file = None
             self.watcher.note(f"--events {self.path}: no more events are written ({in_words(error)})")
 

@@ -96,7 +96,10 @@ class Quiet:
 
 @dataclass
 class Report:
-    """How a run ended; ``run`` is its id in the store, ``finished`` are the videos that are done."""
+    """How a run ended; ``run`` is its id in the store, ``finished`` are the videos that are done.
+
+    ``started``: not every video failed before anything of it was computed.
+    """
 
     plans: list[VideoPlan]
     summaries: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -104,6 +107,7 @@ class Report:
     traces: dict[str, str] = field(default_factory=dict)
     run: str = ""
     finished: list[str] = field(default_factory=list)
+    started: bool = False
 
     def fail(self, name: str, failure: Failure, watcher: Watcher) -> None:
         """Note a video that failed, and tell who looks on."""

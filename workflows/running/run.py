@@ -123,6 +123,7 @@ def _compute(
             report.fail(plan.name, Failure.of(error, plan.source), watcher)
     good = [plan for plan in report.plans if plan.name not in report.failures]
     busy = [plan for plan in good if plan.todo]
+    report.started = bool(good)
     for plan in good:
         if not plan.todo:
             _finish(plan, request, report, watcher)
