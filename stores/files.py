@@ -109,6 +109,30 @@ def zarr_store(path: Path) -> Any:
     return str(path)
 
 
+def create(path: Path, content: bytes) -> bool:
+    """Write a small file that is not there yet; whether this call made it. Its name appears with its content."""
+    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial.write_bytes(content)
+    try:
+        # a link fails where the name is taken, on every file system that has links, network ones too
+        os.link(partial, path)
+    except FileExistsError:
+        return False
+    finally:
+        remove(partial)
+    return True
+
+
+def move(path: Path, to: Path) -> bool:
+    """Give a file another name; whether it was there."""
+    try:
+        path.rename(to)
+    except FileNotFoundError:
+        return False
+    return True
+
+
 def write(path: Path, content: bytes) -> None:
     """Write a file, and its folders. For files that count for nothing before a record names them."""
     try:

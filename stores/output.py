@@ -41,7 +41,7 @@ class Output:
             raise OutputError(
                 f"{self.path}: was not made by zsmoseg and is not empty; give another output folder (-o)"
             )
-        if self.owner not in (None, self.video):
+        if self.owner not in (None, self.video) and self.files:
             raise OutputError(
                 f"{self.path}: holds the result of another source ({self.owner}, this is {self.video}); "
                 "give another output folder (-o) or remove it"

@@ -215,6 +215,7 @@ def test_workers_of_ours_that_are_gone_for_good_are_started_again(tmp_path: Path
 
 
 def test_workers_of_ours_start_with_the_allocator_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MALLOC_TRIM_THRESHOLD_", raising=False)  # Dask leaves it there
     monkeypatch.setenv("MALLOC_MMAP_THRESHOLD_", "12345678")
     with Dask("local", 1) as executor:
         (found,) = executor._client.run(lambda: dict(os.environ)).values()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import lzma
 import stat
 import zipfile
+import zlib
 from collections.abc import Collection
 from pathlib import Path, PurePosixPath
 
@@ -42,7 +44,14 @@ def unpack(archive: Path, wanted: Collection[str], folder: Path, most: int) -> N
                 )
             for name, member in chosen.items():
                 _take(opened, member, folder / name)
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError) as error:
+    except (
+        zipfile.BadZipFile,
+        EOFError,
+        NotImplementedError,
+        RuntimeError,
+        zlib.error,
+        lzma.LZMAError,
+    ) as error:
         raise ModelError(f"{archive}: is no sound zip file ({error}); nothing was taken from it") from error
 
 
@@ -51,7 +60,7 @@ def _choose(opened: zipfile.ZipFile, wanted: Collection[str], archive: Path) -> 
     chosen: dict[str, zipfile.ZipInfo] = {}
     for member in opened.infolist():
         path = PurePosixPath(member.filename.replace("\\", "/"))
-        if path.is_absolute() or ".." in path.parts or ":" in path.parts[0]:
+        if path.is_absolute() or ".." in path.parts or ":" in "".join(path.parts[:1]):
             raise ModelError(
                 f"{archive}: {member.filename!r} leads out of the folder; the archive is refused"
             )

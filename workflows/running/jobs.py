@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 class Job:
     """One part of one stage of one video; small, and can be pickled.
 
-    ``frames`` is the key that holds the probe, ``networks`` where networks run, ``network`` whether one may.
+    ``frames`` is the key that holds the probe, ``networks`` where networks run, ``network`` whether one may;
+    ``promise`` is what its key says of files that it may read (``trust.py``).
     """
 
     store: str
@@ -43,6 +44,7 @@ class Job:
     graph: str = "embedded-flow"
     networks: Mapping[str, Any] = field(default_factory=dict)
     network: bool = False
+    promise: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -87,9 +89,11 @@ def _run(job: Job) -> Outcome:
     from zsmoseg.settings import Networks, Settings
     from zsmoseg.stores.checks import part_problem
     from zsmoseg.stores.files import full_disk_in_words
+    from zsmoseg.stores.leases import lease
     from zsmoseg.stores.location import Store
     from zsmoseg.stores.writer import PartWriter
     from zsmoseg.video.probe import Probe
+    from zsmoseg.workflows.running.trust import refuse_changed
     from zsmoseg.workflows.stage import Part
     from zsmoseg.workflows.stages.graph import GRAPHS
 
@@ -108,19 +112,24 @@ def _run(job: Job) -> Outcome:
         _described(artifact)
     if not stage.output and not part_problem(artifact, job.part):
         return Outcome("done", time.process_time() - clock, peak_memory_mb())
-    left = stage.task(
-        part, _inputs(job, stage, store), stage.chosen(Settings.model_validate(dict(job.settings)))
-    )
+    sections = stage.chosen(Settings.model_validate(dict(job.settings)))
+    left = stage.task(part, _inputs(job, stage, store), sections)
     if stage.output:
         with full_disk_in_words(Path(job.out)):
             list(left)
+        refuse_changed(job.promise, part, sections, store)
         return Outcome("done", time.process_time() - clock, peak_memory_mb(), part.facts)
-    with PartWriter(artifact, job.part) as writer:
-        for block in left:
-            writer.put(block)
-        seconds = time.process_time() - clock - part.warm_up
-        warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
-        writer.facts = {**part.facts, **warm_up, "seconds": round(seconds, 4)}
+    with lease(artifact.lease_path(job.part), lambda: not part_problem(artifact, job.part)) as ours:
+        # somebody else may have finished it while this run waited, or just before: what is finished stays
+        if not ours or not part_problem(artifact, job.part):
+            return Outcome("done", time.process_time() - clock, peak_memory_mb())
+        with PartWriter(artifact, job.part) as writer:
+            for block in left:
+                writer.put(block)
+            refuse_changed(job.promise, part, sections, store)
+            seconds = time.process_time() - clock - part.warm_up
+            warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
+            writer.facts = {**part.facts, **warm_up, "seconds": round(seconds, 4)}
     return Outcome("done", seconds, peak_memory_mb())
 
 

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from zsmoseg.errors import ClusterError, StageError, ZsmosegError, in_words, system_errors_in_words
+from zsmoseg.errors import (
+    ClusterError,
+    SpaceError,
+    StageError,
+    ZsmosegError,
+    in_words,
+    system_errors_in_words,
+)
 from zsmoseg.networks.session import chosen_provider
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import RunRecord
@@ -25,6 +32,7 @@ from zsmoseg.workflows.running.executors import Executor, make_executor
 from zsmoseg.workflows.running.jobs import Job, Outcome
 from zsmoseg.workflows.running.local_paths import local_folder
 from zsmoseg.workflows.running.request import Failure, Quiet, Report, Request, Watcher
+from zsmoseg.workflows.running.trust import promised
 from zsmoseg.workflows.running.workers import Needs
 from zsmoseg.workflows.stages.graph import names
 
@@ -119,6 +127,8 @@ def _compute(
     for plan in report.plans:
         try:
             prepare(store, plan)
+        except SpaceError:
+            raise
         except Exception as error:
             report.fail(plan.name, Failure.of(error, plan.source), watcher)
     good = [plan for plan in report.plans if plan.name not in report.failures]
@@ -257,6 +267,7 @@ def jobs(
                 plan.graph,
                 networks,
                 bool(stage.models),
+                promised(plan, stage, request.settings.video.fingerprint),
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]

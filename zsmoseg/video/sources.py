@@ -147,7 +147,9 @@ def stat_signature(source: str) -> str:
     """Path, size, time of change and inode of every file: what a cached fingerprint is looked up by."""
     files = image_files(source) or [source]
     text = "\n".join(
-        f"{os.path.realpath(f)} {s.st_size} {s.st_mtime_ns} {s.st_ino}" for f in files for s in [os.stat(f)]
+        f"{os.path.realpath(f)} {s.st_size} {s.st_mtime_ns} {s.st_ctime_ns} {s.st_ino}"
+        for f in files
+        for s in [os.stat(f)]
     )
     return hashlib.sha256(text.encode()).hexdigest()
 
