@@ -6,6 +6,8 @@ import argparse
 import os
 from pathlib import Path
 
+from zsmoseg.workflows.running.local_paths import local_folder
+
 OUT = "zsmoseg-out"
 
 
@@ -13,7 +15,7 @@ def store_option(parser: argparse.ArgumentParser) -> None:
     """``--store``."""
     parser.add_argument(
         "--store",
-        type=Path,
+        type=local_folder,
         default=None,
         help="the store (default: $ZSMOSEG_STORE, or zsmoseg-store beside the output folder)",
     )
@@ -24,5 +26,5 @@ def store_path(given: Path | None, out: Path | None = None) -> Path:
     if given is not None:
         return given
     if os.environ.get("ZSMOSEG_STORE"):
-        return Path(os.environ["ZSMOSEG_STORE"])
+        return local_folder(os.environ["ZSMOSEG_STORE"])
     return (out or Path(OUT)).parent / "zsmoseg-store"

@@ -14,9 +14,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from zsmoseg.errors import ZsmosegError
+from zsmoseg.errors import StoreError, ZsmosegError, in_words
 
 if TYPE_CHECKING:
+    from zsmoseg.stores.artifact import Artifact
     from zsmoseg.stores.location import Store
     from zsmoseg.workflows.stage import Stage
 
@@ -77,6 +78,9 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
             "failed", error="out of memory; use fewer workers (--workers) or a smaller chunk.length"
         )
     except Exception as error:
+        words = in_words(error)
+        if words is not None:
+            return Outcome("failed", error=words)
         what = f"unexpected {type(error).__name__}: {error}"
         return Outcome("failed", error=what, trace=traceback.format_exc())
 
@@ -95,8 +99,7 @@ def _run(job: Job) -> Outcome:
 
     clock = time.process_time()
     stage, store = GRAPHS[job.graph][job.stage], Store.open(job.store, create=False)
-    described = store.artifact(job.video, "frames", job.frames).description
-    assert described is not None
+    described = _described(store.artifact(job.video, "frames", job.frames))
     part = Part(
         Probe.from_json(described["probe"]),
         job.start,
@@ -105,6 +108,8 @@ def _run(job: Job) -> Outcome:
         networks=Networks.model_validate(dict(job.networks)),
     )
     artifact = store.artifact(job.video, job.stage, job.key)
+    if not stage.output:
+        _described(artifact)
     if not stage.output and not part_problem(artifact, job.part):
         return Outcome("done", time.process_time() - clock, peak_memory_mb())
     sections = stage.chosen(Settings.model_validate(dict(job.settings)))
@@ -126,6 +131,14 @@ def _run(job: Job) -> Outcome:
             warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
             writer.facts = {**part.facts, **warm_up, "seconds": round(seconds, 4)}
     return Outcome("done", seconds, peak_memory_mb())
+
+
+def _described(artifact: Artifact) -> dict[str, Any]:
+    """What was laid out before the first job."""
+    found = artifact.description
+    if found is None:
+        raise StoreError(f"{artifact.path}: is gone or damaged; run the same command again")
+    return found
 
 
 def _inputs(job: Job, stage: Stage[Any, Any], store: Store) -> Any:

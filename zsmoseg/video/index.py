@@ -12,7 +12,7 @@ import av.error
 import numpy as np
 
 from zsmoseg.errors import VideoError
-from zsmoseg.video.decoding import Decoder, UInt8
+from zsmoseg.video.decoding import Decoder, UInt8, media
 
 REORDER = 16
 """Frames that a codec may store out of order (H.264 and HEVC)."""
@@ -51,7 +51,7 @@ def index(path: str, thorough: bool = False) -> Index:
         If it is not a video or its first frame cannot be decoded.
     """
     try:
-        with av.open(path) as container:
+        with av.open(media(path)) as container:
             if not container.streams.video:
                 raise VideoError(f"{path}: is not a video: it has no picture")
             stream = container.streams.video[0]
@@ -63,6 +63,8 @@ def index(path: str, thorough: bool = False) -> Index:
             # AVI tells when a frame is decoded, not when it is shown; that is one unless frames are reordered.
             counted = container.format.name == "avi" and stream.codec_context.has_b_frames
     except av.error.FFmpegError as error:
+        if isinstance(error, PermissionError | FileNotFoundError):
+            raise VideoError(f"{path}: cannot be opened ({error.strerror})") from error
         raise VideoError(
             f"{path}: is not a video, or it is damaged from the start ({error.strerror})"
         ) from error
