@@ -15,13 +15,15 @@ from zsmoseg.errors import OutputError
 from zsmoseg.stores import files
 from zsmoseg.stores.checks import Damage
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.records import read_record, write_record
+from zsmoseg.stores.records import read_json, read_record, write_record
 from zsmoseg.stores.runs import outputs
 from zsmoseg.video.plain_names import stays
 
 LIST = ".zsmoseg.json"
 SUMMARY, STATES = "summary.json", "motion.csv"
 """What a run leaves beside the files of the stages."""
+DIGITS = 16
+"""Of the fingerprint of a video, at the end of its id."""
 ENTRY = {"size": int, "crc32": int, "stamp": str, "key": str}
 """What the list has of each file."""
 
@@ -62,7 +64,7 @@ class Output:
             )
         if self.listed or not files.exists(self.path):
             return
-        known = files.exists(self.path / LIST) or (store is not None and self._remembered(store))
+        known = self._known(store)
         strange = sorted(set(files.tree(self.path)) - {LIST} - (set(ours) if known else set()))
         if strange and known:
             raise OutputError(
@@ -74,8 +76,14 @@ class Output:
                 f"{self.path}: was not made by zsmoseg and is not empty; give another output folder (-o)"
             )
 
-    def _remembered(self, store: Store) -> bool:
-        return outputs(store).get(files.absolute(self.path)) == self.video
+    def _known(self, store: Store | None) -> bool:
+        """Whether a folder without a list was this video's: by a list that is damaged, the summary, or the runs."""
+        if files.exists(self.path / LIST) and not files.is_link(self.path / LIST):
+            return True
+        fingerprint = str((read_json(self.path / SUMMARY) or {}).get("fingerprint"))
+        if fingerprint[:DIGITS] == self.video[-DIGITS:]:
+            return True
+        return store is not None and outputs(store).get(files.absolute(self.path)) == self.video
 
     def problem(self, names: Iterable[str], key: str) -> str | None:
         """Why the files ``names`` cannot stay as they are: missing, of other content, of another key.

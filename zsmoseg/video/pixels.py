@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from zsmoseg.errors import VideoError
+from zsmoseg.video.bounds import TooLarge, open_image
 
 WIDTH, HEIGHT, ORIENTATION = 0x0100, 0x0101, 0x0112
 """EXIF tags."""
@@ -21,13 +22,15 @@ SIDEWAYS = 5
 def image_size(file: str) -> tuple[int, int]:
     """(width, height) as displayed, from the header."""
     try:
-        with Image.open(file) as image:
+        with open_image(file) as image:
             tags = image.getexif()
             width, height = image.size
             if image.format == "TIFF":  # Pillow may have turned it
                 width, height = int(tags[WIDTH]), int(tags[HEIGHT])
             return (height, width) if tags.get(ORIENTATION, 1) >= SIDEWAYS else (width, height)
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+    except TooLarge as error:
+        raise unreadable(file, str(error)) from error
+    except (OSError, SyntaxError, ValueError) as error:
         raise unreadable(file) from error
 
 
@@ -40,9 +43,13 @@ def pixels(file: str) -> NDArray[Any] | None:
     if not content or _cut_off(content):
         return None
     try:
+        with open_image(BytesIO(content)):
+            pass
         flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
         return cv2.imdecode(np.frombuffer(content, np.uint8), flags)
-    except cv2.error:
+    except TooLarge as error:
+        raise unreadable(file, str(error)) from error
+    except (OSError, SyntaxError, ValueError, cv2.error):
         return None
 
 
