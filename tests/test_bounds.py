@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from conftest import draw_clip, write_folder
 from numpy.lib import format as npy
+from PIL import Image
 
 from zsmoseg.errors import FormatError, VideoError
 from zsmoseg.formats import open_depth, open_flow, open_masks
@@ -124,6 +125,18 @@ def test_an_image_that_states_too_large_a_size_is_no_frame(width: int, height: i
     png(tmp_path / "clip" / "00001.png", width, height)
     with pytest.raises(VideoError, match=r"00001\.png: is"):
         probe(str(tmp_path / "clip"), Excerpt("", "", 1, 25.0, False))
+
+
+def test_a_jpeg_that_states_too_large_a_size_is_not_decoded(tmp_path: Path) -> None:
+    path = tmp_path / "00000.jpg"
+    for options in ({}, {"progressive": True}, {"icc_profile": bytes(70_000)}, {"comment": "wide"}):
+        Image.fromarray(draw_clip(0, 2)[0][0]).save(path, **options)
+        whole = path.read_bytes()
+        assert pixels(str(path)) is not None
+        place = whole.index(struct.pack(">HH", 120, 160))
+        path.write_bytes(whole[:place] + struct.pack(">HH", 60_000, 60_001) + whole[place + 4 :])
+        with pytest.raises(VideoError, match=r"00000\.jpg: is 60001 px wide and 60000 px high"):
+            pixels(str(path))
 
 
 def test_a_video_file_that_states_too_large_a_size_is_refused_before_a_frame_is_decoded(
