@@ -181,7 +181,7 @@ def make_folder(path: Path) -> None:
 
 def touch(path: Path) -> None:
     """Note that a file is used now."""
-    os.utime(path)
+    os.utime(path, follow_symlinks=False)
 
 
 def zarr_store(path: Path) -> Any:

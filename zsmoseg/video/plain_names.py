@@ -57,5 +57,5 @@ def plain(text: str) -> str:
     name = re.sub(r"[^\w.+-]+", "_", text).lstrip(".") or "video"
     if len(name.encode()) <= KEPT:
         return name
-    digest = hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:8]
-    return f"{name.encode()[:KEPT].decode(errors='ignore')}-{digest}"
+    end = "-" + hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:8]
+    return name.encode()[: KEPT - len(end)].decode(errors="ignore") + end
