@@ -126,6 +126,10 @@ class Artifact:
         """The file of the tables of a part."""
         return self.records / f"{part:04d}.tables"
 
+    def lease_path(self, part: int) -> Path:
+        """Who works on a part."""
+        return self.records / f"{part:04d}.lease"
+
     def shard(self, name: str, part: int) -> Path:
         """The file that holds a part of a video array."""
         dimensions = len(self.laid_out["arrays"][name]["dims"])

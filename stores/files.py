@@ -23,11 +23,13 @@ from zsmoseg.video.plain_names import parts_of
 
 SHOWN = 80
 """Characters of a name in an error."""
+TRIES = 5
+"""Times that another process may take a name away, or give it, while a file is made."""
 STALE = 3600.0
 """Seconds after which an unfinished file is a leftover of a process that is gone."""
 
 
-TMP = re.compile(r"\.[0-9a-f]{32}\.tmp")
+TMP = re.compile(r"\.(.+\.)?[0-9a-f]{32}\.tmp")
 """Names of unfinished files."""
 
 
@@ -189,6 +191,30 @@ def zarr_store(path: Path) -> Any:
     return str(path)
 
 
+def create(path: Path, content: bytes) -> bool:
+    """Write a small file that is not there yet; whether this call made it. Its name appears with its content."""
+    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial.write_bytes(content)
+    try:
+        # a link fails where the name is taken, on every file system that has links, network ones too
+        os.link(partial, path)
+    except FileExistsError:
+        return False
+    finally:
+        remove(partial)
+    return True
+
+
+def move(path: Path, to: Path) -> bool:
+    """Give a file another name; whether it was there."""
+    try:
+        path.rename(to)
+    except FileNotFoundError:
+        return False
+    return True
+
+
 def write(path: Path, content: bytes) -> None:
     """Write a file, and its folders. For files that count for nothing before a record names them."""
     with _made(path) as file:
@@ -197,12 +223,13 @@ def write(path: Path, content: bytes) -> None:
 
 def _made(path: Path) -> BinaryIO:
     """A file to write; what has its name gives way: nothing is written into a file or link that is there."""
-    try:
-        return path.open("xb")
-    except FileExistsError:
-        path.unlink()
-    except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    for _ in range(TRIES):
+        try:
+            return path.open("xb")
+        except FileExistsError:
+            path.unlink(missing_ok=True)
+        except FileNotFoundError:
+            path.parent.mkdir(parents=True, exist_ok=True)
     return path.open("xb")
 
 

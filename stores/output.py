@@ -57,7 +57,7 @@ class Output:
         for path in (self.path, *self.path.parents):
             if files.exists(path) and not files.is_folder(path):
                 raise OutputError(f"{path}: is a file; give another output folder (-o)")
-        if self.owner not in (None, self.video):
+        if self.owner not in (None, self.video) and self.files:
             raise OutputError(
                 f"{self.path}: holds the result of another source ({self.owner}, this is {self.video}); "
                 "give another output folder (-o) or remove it"

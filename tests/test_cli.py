@@ -256,7 +256,7 @@ def test_one_bad_video_does_not_stop_the_others(tmp_path: Path, capsys: pytest.C
     good = write_folder(tmp_path / "good", draw_clip(0, 5)[0])
     write_folder(tmp_path / "bad", draw_clip(0, 5)[0][:1])
     code, _, err = say(["run", str(good), str(tmp_path / "bad"), "-o", str(tmp_path / "out"), *QUICK], capsys)
-    assert code == 2
+    assert code == 1
     assert "failed: bad" in err
     assert (tmp_path / "out" / "good" / "masks" / "00000.png").exists()
 
@@ -274,7 +274,7 @@ def test_a_full_disk_is_said_and_the_next_run_goes_on(
     with monkeypatch.context() as patch:
         patch.setattr(files, "write", full)
         code, _, err = say(arguments, capsys)
-    assert code == 2
+    assert code == 1
     assert "no space left on the disk" in err
     assert main(arguments) == 0
 

@@ -15,11 +15,14 @@ from runs import segment
 
 from zsmoseg.errors import ModelError, NetworkError, SettingsError, ZsmosegError
 from zsmoseg.networks.batches import run_frames
-from zsmoseg.networks.contract import load_contract
+from zsmoseg.networks.contract import Resize, load_contract
+from zsmoseg.networks.depth import kind_of, network_depth
+from zsmoseg.networks.image import geometry
+from zsmoseg.networks.instance_masks import network_instances
 from zsmoseg.networks.session import Network, OutOfMemory
 from zsmoseg.settings import resolve
 from zsmoseg.workflows.cli import main
-from zsmoseg.workflows.running.request import Request
+from zsmoseg.workflows.running.request import Quiet, Request
 from zsmoseg.workflows.running.run import run
 
 FRAME = np.zeros((60, 80, 3), np.uint8)
@@ -61,6 +64,11 @@ def first_run(folder: Path) -> str:
         ('name = "ramp-depth"', 'name = "../ramp"', "name"),
         ('file = "depth.onnx"', 'file = "../depth.onnx"', "file"),
         ('task = "depth"', "task = ", "is not TOML"),
+        ('task = "depth"', 'task = ["depth"]', "task"),
+        ("multiple_of = 16", "multiple_of = 100000", "multiple_of"),
+        ("multiple_of = 16", "pad_value = [1.0]", "pad_value"),
+        ("std = [0.229", "std = [0.0", "std"),
+        ("std = [0.229", "std = [nan", "std"),
     ],
 )
 def test_a_contract_that_says_what_no_rule_knows(depth: Path, old: str, new: str, words: str) -> None:
@@ -96,6 +104,14 @@ def test_a_network_of_another_task(clip: Path, depth: Path, tmp_path: Path) -> N
         ({"proposals.model": "x", "tags.prompt": "dog"}, "tags are for proposals.boxes"),
         ({"proposals.model": "x", "proposals.path": "y"}, "leave one of them out"),
         ({"depth.source": "ground", "depth.model": "x"}, "leave one of them out"),
+        ({"tags.prompt": "dog"}, "tags.prompt is given and no network proposes anything"),
+        ({"proposals.masks": "x"}, "proposals.masks is given and no network"),
+        ({"tracking.model": "x"}, "tracking.model is given and no network"),
+        ({"selection.deny": ["sky"]}, "selection.deny is given and no network"),
+        (
+            {"proposals.model": "x", "tracking.source": "flow", "tracking.model": "x"},
+            "tracking.source = flow",
+        ),
     ],
 )
 def test_networks_that_make_no_front_end(
@@ -123,16 +139,67 @@ def test_a_truncated_graph_is_found_before_the_run(
         segment(clip, tmp_path, {"depth.model": str(depth)})
 
 
-def test_a_flipped_bit_is_found_when_the_graph_is_opened_and_other_videos_go_on(
-    depth: Path, clip: Path, tmp_path: Path
+@pytest.mark.parametrize("when", ["before the plan", "after it"])
+def test_a_flipped_bit_is_found_before_a_graph_is_used(
+    depth: Path, clip: Path, tmp_path: Path, when: str
 ) -> None:
     graph = depth / "depth.onnx"
-    content = bytearray(graph.read_bytes())
-    content[len(content) // 2] ^= 1
-    graph.write_bytes(content)
+
+    def flip() -> None:
+        content = bytearray(graph.read_bytes())
+        content[len(content) // 2] ^= 1
+        graph.write_bytes(content)
+
+    class Meddler(Quiet):
+        def planned(self, plans: Any, guess: Any) -> None:
+            flip()
+
     settings = resolve(overrides={"depth.model": str(depth)})
-    report = run(Request([str(clip)], tmp_path / "out", tmp_path / "store", settings, "serial"))
-    assert "sha256 is" in report.failures["clip"]
+    request = Request([str(clip)], tmp_path / "out", tmp_path / "store", settings, "serial")
+    if when == "after it":
+        assert "sha256 is" in run(request, Meddler()).failures["clip"]
+    else:
+        flip()
+        with pytest.raises(ModelError, match="sha256 is"):
+            run(request)
+
+
+def test_a_contract_that_changes_after_the_plan_is_not_used_under_the_old_key(
+    clip: Path, tmp_path: Path
+) -> None:
+    """What a worker reads of a contract beside the graph, too: thresholds, names."""
+    for name, write in (
+        ("tagger", write_tagger),
+        ("detector", write_detector),
+        ("segmenter", write_segmenter),
+    ):
+        write(tmp_path / "models" / name)
+    thresholds = tmp_path / "models/tagger/thresholds.txt"
+
+    class Meddler(Quiet):
+        def planned(self, plans: Any, guess: Any) -> None:
+            thresholds.write_text("\n".join(["1"] * 6))
+            edit(tmp_path / "models/tagger", *digests(thresholds))
+
+    def digests(path: Path) -> tuple[str, str]:
+        import hashlib
+        import re
+
+        text = (path.parent / "contract.toml").read_text()
+        old = re.search(r'thresholds = \{[^}]*sha256 = "(\w+)"', text)
+        assert old is not None
+        return old[1], hashlib.sha256(path.read_bytes()).hexdigest()
+
+    settings = {
+        "proposals.boxes": str(tmp_path / "models/detector"),
+        "proposals.masks": str(tmp_path / "models/segmenter"),
+        "tags.model": str(tmp_path / "models/tagger"),
+    }
+    request = Request(
+        [str(clip)], tmp_path / "out", tmp_path / "store", resolve(overrides=settings), "serial"
+    )
+    failure = run(request, Meddler()).failures["clip"]
+    assert "is another model than when the run was planned" in failure or "sha256 is" in failure
 
 
 def test_a_missing_graph(depth: Path, clip: Path, tmp_path: Path) -> None:
@@ -316,3 +383,45 @@ def test_a_tracker_that_fails_names_the_frame_that_it_is_at(
     settings = resolve(overrides={"proposals.model": str(write_instances(tmp_path / "instances"))})
     report = run(Request([str(clip)], tmp_path / "out", tmp_path / "store", settings, "serial"))
     assert "frame 00003: its output is not finite" in report.failures["clip"]
+
+
+def test_the_depth_of_two_outputs_is_the_one_that_has_the_role(tmp_path: Path) -> None:
+    """What stands first in a contract is not what counts."""
+    folder = write_depth(tmp_path / "depth")
+    edit(
+        folder,
+        'output = { tensor = "predicted_depth", meaning = "inverse-depth" }',
+        'output = [{ tensor = "sure", meaning = "depth confidence" }, '
+        '{ tensor = "predicted_depth", role = "depth", meaning = "inverse-depth" }]',
+    )
+    assert kind_of(load_contract(folder)) == "inverse-depth"
+
+
+@pytest.mark.parametrize("value", [0.0, -2.0])
+def test_depth_that_is_nowhere_above_zero_is_no_depth(value: float, depth: Path) -> None:
+    class Flat(Network):
+        """Says one number."""
+
+        def run(self, graph: str, feeds: Any, wanted: Any = None) -> Any:
+            return {"depth": np.full((1, 1, *feeds["image"].shape[2:]), value, np.float32)}
+
+    with pytest.raises(NetworkError, match="its depth is nowhere above 0"):
+        list(network_depth(Flat(load_contract(depth)), [FRAME], (30, 40)))
+
+
+def test_a_very_elongated_frame_goes_in_or_is_refused(tmp_path: Path) -> None:
+    thin = np.zeros((2, 4000, 3), np.uint8)
+    network = Network(load_contract(write_instances(tmp_path / "instances")))
+    (raw,) = network_instances(network, [thin])
+    assert raw.box.shape[1:] == (4,)
+    rule = Resize(rule="short-side", short_side=512)
+    with pytest.raises(ModelError, match="px go into a network"):
+        geometry((2, 40000), rule)
+
+
+def test_denied_categories_are_known_ones_and_their_case_does_not_matter(clip: Path, tmp_path: Path) -> None:
+    model = {"proposals.model": str(write_instances(tmp_path / "instances"))}
+    with pytest.raises(SettingsError, match=r"no network of this run names 'rad'; did you mean red"):
+        segment(clip, tmp_path, {**model, "selection.deny": ["rad"]})
+    report, _ = segment(clip, tmp_path, {**model, "selection.deny": ["RED", "Green"]})
+    assert {e["category"] for e in report.summaries["clip"]["evidence"]} <= {"blue", "yellow"}

@@ -63,7 +63,7 @@ def iou(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def test_a_prompt_is_split_at_commas_and_lonely_stops_and_said_twice_counts_once() -> None:
-    assert parse_prompt("Person, dog . st. bernard,dog.") == ("person", "dog", "st bernard")
+    assert parse_prompt("Person, dog . big cat. bird; dog.") == ("person", "dog", "big cat", "bird")
     with pytest.raises(SettingsError, match="no phrase"):
         parse_prompt(" , . ")
 

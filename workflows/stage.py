@@ -50,6 +50,8 @@ class Part:
         Where networks run, and with how many threads.
     opened
         The networks that were used, and the seconds that opening had cost them before.
+    decoded
+        The frames that were read from the source.
     """
 
     probe: Probe
@@ -59,6 +61,7 @@ class Part:
     facts: dict[str, Any] = field(default_factory=dict)
     networks: settings.Networks = field(default_factory=settings.Networks)
     opened: dict[str, tuple[Network, float]] = field(default_factory=dict, repr=False)
+    decoded: list[tuple[int, int]] = field(default_factory=list, repr=False)
 
     @property
     def frames(self) -> int:
@@ -75,9 +78,17 @@ class Part:
         """Height and width of the frames as displayed."""
         return self.probe.height, self.probe.width
 
+    def images(self, start: int, stop: int) -> Iterator[NDArray[np.uint8]]:
+        """Frames ``start`` to ``stop - 1`` of the source as displayed: (H, W, 3) blue green red.
+
+        The one way to the source: what was read must turn out to be what the key says (``running/trust.py``).
+        """
+        self.decoded.append((start, stop))
+        return read(self.probe, start, stop)
+
     def read(self, frame: int) -> NDArray[np.uint8]:
         """One frame as displayed: (H, W, 3) blue green red."""
-        return next(read(self.probe, frame, frame + 1))
+        return next(self.images(frame, frame + 1))
 
     @property
     def batch(self) -> int:

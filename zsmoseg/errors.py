@@ -10,10 +10,15 @@ ZsmosegError
 ├── StoreError       a store: not one, of a newer version, damaged, of another source
 ├── OutputError      an output folder: made by something else or from another source
 ├── SpaceError       the disk is full or too small for the plan
+├── AccessError      the system refused: no permission, gone meanwhile, no name for a file, nested too deep
+├── ClusterError     a Dask cluster: nothing answers, no workers, workers that cannot do the work
 └── StageError       a part of a stage failed; what was finished is kept
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class ZsmosegError(Exception):
@@ -56,5 +61,40 @@ class SpaceError(ZsmosegError):
     """The disk is full, or too small for what is planned."""
 
 
+class AccessError(ZsmosegError):
+    """The system refused a file: no permission, gone meanwhile, a name that cannot be, nested too deep."""
+
+
+class ClusterError(ZsmosegError):
+    """A Dask cluster cannot be used: nothing answers, no workers are left, or they cannot do the work."""
+
+
 class StageError(ZsmosegError):
     """A part of a stage failed; everything finished before it is kept."""
+
+
+def in_words(error: BaseException) -> str | None:
+    """What the system raised about somebody's file, in one line; None where it is an error of ours."""
+    if isinstance(error, OSError):
+        named = [str(name) for name in (error.filename, error.filename2) if name is not None]
+        what = error.strerror or str(error) or type(error).__name__
+        return " ".join(f"{' to '.join(named)}{': ' if named else ''}{what}".split())
+    if isinstance(error, UnicodeError):
+        return f"text or a name in another encoding than UTF-8 ({' '.join(str(error).split())})"
+    if isinstance(error, RecursionError):
+        return "is nested too deep to be read"
+    if isinstance(error, ValueError) and "null byte" in str(error):
+        return "a name with a null byte, which no file can have"
+    return None
+
+
+@contextmanager
+def system_errors_in_words() -> Iterator[None]:
+    """Turn what the system raises about files into an ``AccessError``; errors of ours pass as they are."""
+    try:
+        yield
+    except (OSError, ValueError, RecursionError) as error:
+        words = in_words(error)
+        if words is None or isinstance(error, BrokenPipeError):
+            raise
+        raise AccessError(f"{words}; mend that and run the same command again") from error

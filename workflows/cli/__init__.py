@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from types import ModuleType
 from typing import NoReturn
 
 from zsmoseg import __version__
-from zsmoseg.errors import ZsmosegError
+from zsmoseg.errors import ZsmosegError, system_errors_in_words
 
 COMMANDS = {
     "run": "segment videos: what is missing is computed, the rest is kept",
@@ -31,16 +34,24 @@ COMMANDS = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; the exit code is 0, 1 (verify found something), 2 (bad input) or 130 (Ctrl-C)."""
+    """Run one command.
+
+    Returns
+    -------
+    0; 1: some videos failed, or ``verify`` found something; 2: nothing was started, the line says why; 130: stopped
+    by Ctrl-C or SIGTERM.
+    """
     words = list(sys.argv[1:] if arguments is None else arguments)
     command = words[0] if words and words[0] in COMMANDS else None
-    parser = _parser(command)
-    options = parser.parse_args(words)
-    if command is None:
-        parser.print_help()
-        return 2
     try:
-        return int(_module(command).main(options))
+        parser = _parser(command)
+        options = parser.parse_args(words)
+        if command is None:
+            parser.print_help()
+            return 2
+        options.words = words
+        with system_errors_in_words(), _terminated_like_interrupted():
+            return int(_module(command).main(options))
     except ZsmosegError as error:
         print(f"zsmoseg: {error}", file=sys.stderr)
         return 2
@@ -50,6 +61,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 0
+
+
+@contextmanager
+def _terminated_like_interrupted() -> Iterator[None]:
+    """SIGTERM, by which batch systems end a job, lets go of everything as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 class _Parser(argparse.ArgumentParser):

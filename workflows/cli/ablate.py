@@ -16,6 +16,7 @@ from zsmoseg.workflows.cli.run import (
     setting_options,
 )
 from zsmoseg.workflows.evaluate.reports import REPORTS, render
+from zsmoseg.workflows.running.local_paths import local_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +41,13 @@ def options(parser: argparse.ArgumentParser) -> None:
         help="instead of the paper's steps: a setting and its values; may be repeated, each is a table and a plot",
     )
     add("--format", choices=tuple(REPORTS), default="text", help="of the tables")
-    add("-o", "--out", type=Path, default=DEFAULT, help=f"folder of tables and plots (default: {DEFAULT})")
+    add(
+        "-o",
+        "--out",
+        type=local_folder,
+        default=DEFAULT,
+        help=f"folder of tables and plots (default: {DEFAULT})",
+    )
     store_option(parser)
     add("--groups", metavar="auto|K", help="number of groups, the static one included (groups.count)")
     setting_options(parser)

@@ -7,6 +7,8 @@ import os
 import sys
 from pathlib import Path
 
+from zsmoseg.workflows.running.local_paths import local_folder
+
 OUT = "zsmoseg-out"
 
 
@@ -14,7 +16,7 @@ def store_option(parser: argparse.ArgumentParser) -> None:
     """``--store``."""
     parser.add_argument(
         "--store",
-        type=Path,
+        type=local_folder,
         default=None,
         help="the store (default: $ZSMOSEG_STORE, or zsmoseg-store beside the output folder)",
     )
@@ -25,7 +27,7 @@ def store_path(given: Path | None, out: Path | None = None) -> Path:
     if given is not None:
         return given
     if os.environ.get("ZSMOSEG_STORE"):
-        return Path(os.environ["ZSMOSEG_STORE"])
+        return local_folder(os.environ["ZSMOSEG_STORE"])
     return (out or Path(OUT)).parent / "zsmoseg-store"
 
 

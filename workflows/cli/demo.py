@@ -6,13 +6,14 @@ import argparse
 from pathlib import Path
 
 from zsmoseg.workflows.cli.common import store_option, store_path
+from zsmoseg.workflows.running.local_paths import local_folder
 
 FPS = 25
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``demo``."""
-    parser.add_argument("-o", "--out", type=Path, default=Path("zsmoseg-out"), help="output folder")
+    parser.add_argument("-o", "--out", type=local_folder, default=Path("zsmoseg-out"), help="output folder")
     store_option(parser)
     parser.add_argument("--scheduler", default="local", help="local, serial, an address or a scheduler file")
     parser.add_argument("--seed", type=int, default=0, help="another scene")
@@ -38,7 +39,7 @@ def main(options: argparse.Namespace) -> int:
     with make_watcher() as watcher:
         report = run(request, watcher)
     if report.failures:
-        return 2
+        return 1
     (plan,) = report.plans
     result = Result(
         Store.open(store, create=False), plan.name, plan.video, {n: s.key for n, s in plan.stages.items()}
@@ -55,9 +56,11 @@ def write_clip(path: Path, frames: object) -> None:
     import av
     import numpy as np
 
+    from zsmoseg.video.decoding import media
+
     images = np.asarray(frames)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with av.open(str(path), "w") as container:
+    with av.open(media(path), "w", format="mp4") as container:
         stream = container.add_stream("libx264", rate=FPS)
         stream.width, stream.height, stream.pix_fmt = images.shape[2], images.shape[1], "yuv420p"
         stream.options = {"crf": "12", "preset": "veryfast", "threads": "1"}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from zsmoseg.metrics.protocols import DEFAULTS, PROTOCOLS, Rules
 from zsmoseg.workflows.cli.run import positive
 from zsmoseg.workflows.evaluate.reports import REPORTS, render
+from zsmoseg.workflows.running.local_paths import local_folder
 
 if TYPE_CHECKING:
     from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
@@ -49,7 +50,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     )
     add("--label", choices=("group", "instance"), default="group", help="which masks of zsmoseg are scored")
     add("--workers", type=positive, help="processes (default: the cores)")
-    add("-o", "--out", type=Path, metavar="FILE", help="write there instead of to the terminal")
+    add("-o", "--out", type=local_folder, metavar="FILE", help="write there instead of to the terminal")
 
 
 def main(options: argparse.Namespace) -> int:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from zsmoseg.workflows.cli.common import store_option, store_path
 from zsmoseg.workflows.export.registry import FORMATS, taking
+from zsmoseg.workflows.running.local_paths import local_folder
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -17,7 +17,7 @@ def options(parser: argparse.ArgumentParser) -> None:
         "videos", metavar="VIDEO", nargs="+", help="name of a video in the store (see zsmoseg status)"
     )
     store_option(parser)
-    parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT", help="where to write")
+    parser.add_argument("-o", "--out", type=local_folder, required=True, metavar="OUT", help="where to write")
     parser.add_argument("--format", choices=FORMATS, required=True, metavar="FORMAT", help="see below")
     parser.add_argument(
         "--what",

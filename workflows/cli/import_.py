@@ -64,7 +64,7 @@ def main(options: argparse.Namespace) -> int:
                 print(f"{plan.name}: {kind} from {brought.path} ({brought.fingerprint}){_found(plan, kind)}")
     if report.failures:
         print(f"zsmoseg: {len(report.failures)} videos were not imported", file=sys.stderr)
-        return 2
+        return 1
     without = " ".join(f"--set {kind}.source={KINDS[kind]}" for kind in kinds)
     print(f"zsmoseg run with --store {store} uses them from now on; without them: {without}")
     return 0

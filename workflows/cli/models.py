@@ -150,7 +150,9 @@ def _verify(options: argparse.Namespace) -> int:
     for line in found:
         print(line)
     if found:
-        print(f"{len(found)} problems; zsmoseg models fetch NAME gets again what is damaged")
+        print(
+            f"{len(found)} problem{'' if len(found) == 1 else 's'}; zsmoseg models fetch NAME gets again what is damaged"
+        )
     else:
         print(f"{models_folder()}: {len(names)} models, every file is as its contract says")
     return 1 if found else 0

@@ -3,28 +3,63 @@
 from __future__ import annotations
 
 import argparse
+import os
+import shlex
 import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from zsmoseg.workflows.cli.common import OUT, store_option, store_path
+from zsmoseg.workflows.running.local_paths import local_folder
+
+if TYPE_CHECKING:
+    from zsmoseg.workflows.running.request import Request
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``run``."""
     add = parser.add_argument
     add("sources", nargs="+", metavar="SOURCE", help="video file, folder of frames, glob, or dataset folder")
-    add("-o", "--out", type=Path, default=Path(OUT), help=f"output folder (default: {OUT})")
+    add("-o", "--out", type=local_folder, default=Path(OUT), help=f"output folder (default: {OUT})")
     store_option(parser)
     add("--groups", metavar="auto|K", help="number of groups, the static one included (groups.count)")
     setting_options(parser)
     add("--from", dest="start_from", metavar="STAGE", help="compute STAGE and all that hangs on it again")
     add("--until", metavar="STAGE", help="stop after STAGE")
     add("--dry-run", action="store_true", help="print what would be done, and why")
+    choice_options(parser)
     execution_options(parser)
     frame_options(parser)
     add("--ignore", metavar="MASK.png", help="pixels that count for nothing (ignore.mask)")
     cue_options(parser)
+
+
+def choice_options(parser: argparse.ArgumentParser) -> None:
+    """Which of the videos that were found."""
+    add = parser.add_argument
+    add(
+        "--only",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME",
+        help="these videos of the sources, by the names they have in OUT; patterns in quotes",
+    )
+    add(
+        "--slice",
+        type=share,
+        metavar="i/n",
+        help="the i-th of n shares, 1/n to n/n: for job arrays; every video is in exactly one",
+    )
+    add(
+        "--retry-failed",
+        action="store_true",
+        help="those that failed or were interrupted when they ran last with this store",
+    )
+    add("--limit", type=positive, metavar="N", help="the first N of what is left by the options above")
+    add("--events", type=Path, metavar="FILE", help="append what happens as JSON lines")
 
 
 def setting_options(parser: argparse.ArgumentParser) -> None:
@@ -44,8 +79,18 @@ def setting_options(parser: argparse.ArgumentParser) -> None:
 def execution_options(parser: argparse.ArgumentParser) -> None:
     """Where it runs."""
     add = parser.add_argument
-    add("--scheduler", default="local", help="local, serial, the address of a Dask scheduler, or its file")
+    add(
+        "--scheduler",
+        default=os.environ.get("DASK_SCHEDULER_ADDRESS") or "local",
+        help="local, serial, the address of a Dask scheduler, or its file (default: $DASK_SCHEDULER_ADDRESS, or local)",
+    )
     add("--workers", type=positive, help="worker processes of --scheduler local (default: the cores)")
+    add(
+        "--patience",
+        type=seconds,
+        metavar="SECONDS",
+        help="give up when a cluster had no worker for so long (default: 300)",
+    )
 
 
 def frame_options(parser: argparse.ArgumentParser) -> None:
@@ -74,9 +119,28 @@ def cue_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def share(text: str) -> tuple[int, int]:
+    """``i/n``, i from 1 to n."""
+    i, slash, n = text.partition("/")
+    if not (slash and i.isdecimal() and n.isdecimal() and 1 <= int(i) <= int(n)):
+        raise argparse.ArgumentTypeError(f"{text}: expected i/n with i from 1 to n, as 3/20")
+    return int(i), int(n)
+
+
+def seconds(text: str) -> float:
+    """A number of seconds."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: expected seconds, more than 0")
+    return value
+
+
 def positive(text: str) -> int:
     """An integer of at least 1."""
-    value = int(text)
+    value = int(text) if text.isdecimal() else 0
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text}: expected 1 or more")
     return value
@@ -105,10 +169,10 @@ def overrides(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run; 2 if a video failed."""
+    """Run; 1 if a video failed."""
     from zsmoseg.settings import resolve
-    from zsmoseg.workflows.running.request import Request
-    from zsmoseg.workflows.running.run import dry_run, run
+    from zsmoseg.workflows.running.request import PATIENCE, Choice, Request
+    from zsmoseg.workflows.running.run import dry_run
 
     request = Request(
         options.sources,
@@ -119,19 +183,38 @@ def main(options: argparse.Namespace) -> int:
         options.workers,
         options.start_from,
         [options.until] if options.until else [],
+        Choice(options.only, options.slice, options.retry_failed, options.limit),
+        options.patience or PATIENCE,
     )
     if options.dry_run:
         for line in dry_run(request):
             print(line)
         return 0
-    from zsmoseg.workflows.running.progress import make_watcher
+    return _run(request, options)
 
-    with make_watcher() as watcher:
-        report = run(request, watcher)
-    if report.failures:
-        print(
-            f"zsmoseg: {len(report.failures)} of {len(report.failures) + len(report.summaries)} videos failed",
-            file=sys.stderr,
-        )
-        return 2
-    return 0
+
+def _run(request: Request, options: argparse.Namespace) -> int:
+    """Run with somebody looking on; at the end the table of failures."""
+    from zsmoseg.workflows.running.events import Events
+    from zsmoseg.workflows.running.progress import failure_lines, make_watcher
+    from zsmoseg.workflows.running.run import run
+
+    with make_watcher() as watcher, ExitStack() as stack:
+        if options.events:
+            events = stack.enter_context(Events(options.events, watcher))
+            report = run(request, events)
+            events.ended(report)
+        else:
+            report = run(request, watcher)
+    videos = len(report.failures) + len(report.finished)
+    for line in failure_lines(report.failures, videos, again(options.words)):
+        print(line, file=sys.stderr)
+    if not report.failures:
+        return 0
+    return 1 if report.started else 2
+
+
+def again(words: Sequence[str]) -> str:
+    """The command that does what failed, and nothing else."""
+    retry = [] if "--retry-failed" in words else ["--retry-failed"]
+    return shlex.join(["zsmoseg", *words, *retry])

@@ -63,7 +63,7 @@ def remember(store: Store, video: str, brought: Mapping[str, Brought]) -> None:
 def fingerprint(store: Store, path: Path) -> str:
     """Hash of names and content of a file or folder; known again while no file was touched."""
     found = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-    stats = [(str(p), s.st_size, s.st_mtime_ns, s.st_ino) for p in found for s in [p.stat()]]
+    stats = [(str(p), s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino) for p in found for s in [p.stat()]]
 
     def compute() -> str:
         whole = hashlib.sha256()

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from zsmoseg.errors import ModelError
-from zsmoseg.networks.contract import NAME, load_contract
+from zsmoseg.networks.contract import NAME, contract_of, load_contract
 from zsmoseg.workflows.models.checking import check_file
 from zsmoseg.workflows.models.contract_text import (
     files_of,
@@ -48,9 +48,9 @@ def add(folder: Path, name: str | None) -> tuple[Path, Mapping[str, str]]:
     for file in files:
         if wrong := check_file(folder / file.file, file):
             raise ModelError(wrong)
-    if target.exists() and [f.sha256 for f in files_of(parse(read_contract(target), target), target)] != [
-        f.sha256 or sha256_of(folder / f.file) for f in files
-    ]:
+    known = {f.file: (sha256_of(folder / f.file), (folder / f.file).stat().st_size) for f in files}
+    digest = contract_of(parse(with_digests(text, known, folder), folder), folder).digest
+    if target.exists() and load_contract(target).digest != digest:
         raise ModelError(f"{target}: another model has this name; give --name, or remove that folder")
     with put_together(target) as work:
         for file in files:

@@ -48,7 +48,7 @@ def parse(text: str, folder: Path) -> dict[str, Any]:
     """
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ModelError(f"{folder / NAME}: is not TOML ({error})") from error
 
 

@@ -66,7 +66,7 @@ def missing(name: str) -> str:
     near = get_close_matches(name, [*entries(), *cached_names()], 1, LIKE)
     hint = f"; did you mean {near[0]}?" if near else "; see zsmoseg models list"
     return (
-        f"model {name} is unknown{hint} Your own: zsmoseg models add FOLDER, or give the path of its folder"
+        f"model {name} is unknown{hint}. Your own: zsmoseg models add FOLDER, or give the path of its folder"
     )
 
 

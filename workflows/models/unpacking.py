@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import lzma
 import stat
 import zipfile
+import zlib
 from collections.abc import Collection
 from pathlib import Path, PurePosixPath
 
@@ -43,7 +45,14 @@ def unpack(archive: Path, wanted: Collection[str], folder: Path, most: int) -> N
                 )
             for name, member in chosen.items():
                 _take(opened, member, folder / name)
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError) as error:
+    except (
+        zipfile.BadZipFile,
+        EOFError,
+        NotImplementedError,
+        RuntimeError,
+        zlib.error,
+        lzma.LZMAError,
+    ) as error:
         raise ModelError(f"{archive}: is no sound zip file ({error}); nothing was taken from it") from error
 
 

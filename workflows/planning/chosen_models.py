@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from difflib import get_close_matches
 from typing import Any
 
 from zsmoseg.errors import ModelError, SettingsError
 from zsmoseg.networks.contract import NAME, Contract, load_contract
+from zsmoseg.networks.decoders import MasksTable
 from zsmoseg.networks.depth import kind_of
 from zsmoseg.networks.flow import check_flow
+from zsmoseg.networks.instance_masks import categories_of
 from zsmoseg.networks.prompts import parse_prompt
 from zsmoseg.networks.references import pinned
+from zsmoseg.networks.session import verified
+from zsmoseg.networks.tags import tag_thresholds
+from zsmoseg.networks.text_boxes import TextTable
 from zsmoseg.settings import Section, Settings
+from zsmoseg.tracking.by_network import style_of
 from zsmoseg.workflows.models.place import find_model
+from zsmoseg.workflows.stages.proposed.naming import categories
 
 SPAN = 10
 """Frames of a span where masks are tracked: SAM-Track looks again after as many."""
-CHECKS = {"depth": kind_of, "flow": check_flow}
+CHECKS: Mapping[str, Callable[[Contract], object]] = {
+    "depth": kind_of,
+    "flow": check_flow,
+    "tags": tag_thresholds,
+    "text-boxes": lambda contract: contract.extra("text", TextTable),
+    "box-masks": lambda contract: contract.extra("masks", MasksTable),
+    "instance-masks": categories_of,
+    "tracker": style_of,
+}
 """What else a contract must say, by task."""
+SMALL = 2**23
+"""Bytes up to which a file is hashed when the plan is made; all are when they are opened."""
 
 
 def named(settings: Settings) -> Iterator[tuple[str, str, str]]:
@@ -38,13 +56,12 @@ def with_models(settings: Settings) -> Settings:
     ModelError
         A model is not there (the message says what gets it), not whole, or of another task.
     """
-    update: dict[str, dict[str, Any]] = {}
+    settings = _with_tracker(settings)
     _refuse_unnamed(settings)
-    if settings.proposals.source != "network":
-        settings = settings.model_copy(update={"tags": type(settings.tags)()})
-    elif settings.tags.prompt:
+    if settings.tags.prompt:
         parse_prompt(settings.tags.prompt)
         settings = settings.model_copy(update={"tags": settings.tags.model_copy(update={"model": ""})})
+    update: dict[str, dict[str, Any]] = {}
     contracts, acting = {}, list(named(settings))
     _refuse_missing([model for _, _, model in acting])
     for section, name, model in acting:
@@ -54,7 +71,28 @@ def with_models(settings: Settings) -> Settings:
         alone = contracts.get(("proposals", "model"))
         update.setdefault("looks", {})["span"] = 1 if alone and alone.task == "instance-masks" else SPAN
     sections = {name: getattr(settings, name).model_copy(update=values) for name, values in update.items()}
-    return settings.model_copy(update=sections)
+    settled = settings.model_copy(update=sections)
+    _refuse_unknown(settled)
+    return settled
+
+
+def _with_tracker(settings: Settings) -> Settings:
+    """The source of tracks, decided."""
+    tracking = settings.tracking
+    if tracking.model and tracking.source == "flow":
+        raise SettingsError("tracking.model is given but tracking.source = flow; leave one of them out")
+    source = tracking.source if tracking.source != "auto" else "network" if tracking.model else "flow"
+    return settings.model_copy(update={"tracking": tracking.model_copy(update={"source": source})})
+
+
+def _refuse_unknown(settings: Settings) -> None:
+    """A category that is denied must be one that can be found."""
+    names = {name.casefold() for name in categories(settings.proposals, settings.tags)}
+    for word in settings.selection.deny:
+        if word.casefold() not in names:
+            near = get_close_matches(word.casefold(), names, 1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise SettingsError(f"selection.deny: no network of this run names {word!r}{hint}")
 
 
 def _refuse_missing(models: list[str]) -> None:
@@ -76,8 +114,6 @@ def _contract(section: str, name: str, model: str, settings: Settings) -> Contra
         raise ModelError(
             f"{contract.folder / NAME}: its task is {contract.task}; {section}.{name} takes {' or '.join(tasks)}"
         )
-    if contract.task in CHECKS:
-        CHECKS[contract.task](contract)
     for file in contract.files:
         path = contract.folder / file.file
         if not path.is_file():
@@ -88,6 +124,10 @@ def _contract(section: str, name: str, model: str, settings: Settings) -> Contra
             raise ModelError(
                 f"{path}: has {path.stat().st_size} bytes, its contract says {file.bytes}; get it again"
             )
+        if path.stat().st_size <= SMALL:
+            verified(contract.folder, file)
+    if contract.task in CHECKS:
+        CHECKS[contract.task](contract)
     return contract
 
 
@@ -99,6 +139,19 @@ def _refuse_unnamed(settings: Settings) -> None:
             raise SettingsError(f"{section}.source = network: name the network, --set {section}.model=NAME")
     p = settings.proposals
     if p.source != "network":
+        idle = {
+            "tags.prompt": settings.tags.prompt,
+            "tags.model": settings.tags.model,
+            "proposals.masks": p.masks,
+            "tracking.model": settings.tracking.model,
+            "selection.deny": settings.selection.deny,
+        }
+        for name, value in idle.items():
+            if value:
+                raise SettingsError(
+                    f"{name} is given and no network proposes anything; name proposals.boxes and proposals.masks, or "
+                    "proposals.model, or leave it out"
+                )
         return
     if not p.model and not (p.boxes and p.masks):
         raise SettingsError(

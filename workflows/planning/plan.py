@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
+from textwrap import shorten
 from typing import Any
 
 from zsmoseg.errors import SettingsError
-from zsmoseg.networks.references import is_pinned
+from zsmoseg.networks.references import in_words, is_pinned
 from zsmoseg.settings import Settings
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.checks import part_problem
@@ -26,15 +27,21 @@ from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
 
 @dataclass
 class StagePlan:
-    """One stage of one video: its key, how it is cut, which parts are to do, and why."""
+    """One stage of one video: its key, how it is cut, which parts are to do, and why.
+
+    ``settings`` are those that it reads, ``acting`` what of them is in the key: content in the place of paths;
+    ``again``: asked for (``--from``), whether it is done or not.
+    """
 
     stage: Stage[Any, Any]
     key: str
     inputs: dict[str, str]
     settings: dict[str, Any]
+    acting: dict[str, dict[str, Any]]
     parts: list[tuple[int, int]]
     todo: list[int] = field(default_factory=list)
     reason: str = "done"
+    again: bool = False
     artifact: Artifact | None = None
 
     @property
@@ -190,7 +197,7 @@ def _plan_stage(plan: VideoPlan, store: Store, stage: Stage[Any, Any], settings:
     artifact = None if stage.output else store.artifact(plan.video, stage.name, key)
     if artifact is not None and stage.scope == "chunk" and artifact.parts:
         parts = list(artifact.parts)
-    return StagePlan(stage, key, inputs, dumped, parts, artifact=artifact)
+    return StagePlan(stage, key, inputs, dumped, active, parts, artifact=artifact)
 
 
 def cut(frames: int, length: int) -> list[tuple[int, int]]:
@@ -209,6 +216,7 @@ def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None
     stage.todo = [i for i in range(len(stage.parts)) if again or i in problems or i in behind]
     if not stage.todo:
         return
+    stage.again = again
     if again:
         stage.reason = f"asked for (--from {start_from})"
     elif not _begun(plan, stage):
@@ -261,11 +269,16 @@ def _what_changed(plan: VideoPlan, stage: StagePlan) -> str:
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """``setting flow.stride: 4 -> 5`` for every setting that differs."""
     return [
-        f"setting {section}.{name}: {old.get(section, {}).get(name)} -> {value}"
+        f"setting {section}.{name}: {_in_words(old.get(section, {}).get(name))} -> {_in_words(value)}"
         for section, fields in new.items()
         for name, value in fields.items()
         if old.get(section, {}).get(name, value) != value
     ]
+
+
+def _in_words(value: Any) -> str:
+    """A value as it is shown: short, and of a model its name and the front of its digest."""
+    return shorten(str(in_words(value)), 80, placeholder=" ...")
 
 
 def explain_plan(plans: Sequence[VideoPlan]) -> list[str]:

@@ -14,9 +14,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from zsmoseg.errors import ZsmosegError
+from zsmoseg.errors import StoreError, ZsmosegError, in_words
 
 if TYPE_CHECKING:
+    from zsmoseg.stores.artifact import Artifact
     from zsmoseg.stores.location import Store
     from zsmoseg.workflows.stage import Stage
 
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 class Job:
     """One part of one stage of one video; small, and can be pickled.
 
-    ``frames`` is the key that holds the probe, ``networks`` where networks run, ``network`` whether one may.
+    ``frames`` is the key that holds the probe, ``networks`` where networks run, ``network`` whether one may;
+    ``promise`` is what its key says of files that it may read (``trust.py``).
     """
 
     store: str
@@ -42,6 +44,7 @@ class Job:
     graph: str = "embedded-flow"
     networks: Mapping[str, Any] = field(default_factory=dict)
     network: bool = False
+    promise: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -75,6 +78,9 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
             "failed", error="out of memory; use fewer workers (--workers) or a smaller chunk.length"
         )
     except Exception as error:
+        words = in_words(error)
+        if words is not None:
+            return Outcome("failed", error=words)
         what = f"unexpected {type(error).__name__}: {error}"
         return Outcome("failed", error=what, trace=traceback.format_exc())
 
@@ -83,16 +89,17 @@ def _run(job: Job) -> Outcome:
     from zsmoseg.settings import Networks, Settings
     from zsmoseg.stores.checks import part_problem
     from zsmoseg.stores.files import full_disk_in_words
+    from zsmoseg.stores.leases import lease
     from zsmoseg.stores.location import Store
     from zsmoseg.stores.writer import PartWriter
     from zsmoseg.video.probe import Probe
+    from zsmoseg.workflows.running.trust import refuse_changed
     from zsmoseg.workflows.stage import Part
     from zsmoseg.workflows.stages.graph import GRAPHS
 
     clock = time.process_time()
     stage, store = GRAPHS[job.graph][job.stage], Store.open(job.store, create=False)
-    described = store.artifact(job.video, "frames", job.frames).description
-    assert described is not None
+    described = _described(store.artifact(job.video, "frames", job.frames))
     part = Part(
         Probe.from_json(described["probe"]),
         job.start,
@@ -101,22 +108,37 @@ def _run(job: Job) -> Outcome:
         networks=Networks.model_validate(dict(job.networks)),
     )
     artifact = store.artifact(job.video, job.stage, job.key)
+    if not stage.output:
+        _described(artifact)
     if not stage.output and not part_problem(artifact, job.part):
         return Outcome("done", time.process_time() - clock, peak_memory_mb())
-    left = stage.task(
-        part, _inputs(job, stage, store), stage.chosen(Settings.model_validate(dict(job.settings)))
-    )
+    sections = stage.chosen(Settings.model_validate(dict(job.settings)))
+    left = stage.task(part, _inputs(job, stage, store), sections)
     if stage.output:
         with full_disk_in_words(Path(job.out)):
             list(left)
+        refuse_changed(job.promise, job.stage, part, sections, store)
         return Outcome("done", time.process_time() - clock, peak_memory_mb(), part.facts)
-    with PartWriter(artifact, job.part) as writer:
-        for block in left:
-            writer.put(block)
-        seconds = time.process_time() - clock - part.warm_up
-        warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
-        writer.facts = {**part.facts, **warm_up, "seconds": round(seconds, 4)}
+    with lease(artifact.lease_path(job.part), lambda: not part_problem(artifact, job.part)) as ours:
+        # somebody else may have finished it while this run waited, or just before: what is finished stays
+        if not ours or not part_problem(artifact, job.part):
+            return Outcome("done", time.process_time() - clock, peak_memory_mb())
+        with PartWriter(artifact, job.part) as writer:
+            for block in left:
+                writer.put(block)
+            refuse_changed(job.promise, job.stage, part, sections, store)
+            seconds = time.process_time() - clock - part.warm_up
+            warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
+            writer.facts = {**part.facts, **warm_up, "seconds": round(seconds, 4)}
     return Outcome("done", seconds, peak_memory_mb())
+
+
+def _described(artifact: Artifact) -> dict[str, Any]:
+    """What was laid out before the first job."""
+    found = artifact.description
+    if found is None:
+        raise StoreError(f"{artifact.path}: is gone or damaged; run the same command again")
+    return found
 
 
 def _inputs(job: Job, stage: Stage[Any, Any], store: Store) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self, TextIO
 
@@ -15,7 +15,9 @@ from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.request import Quiet
 
 SHOWN = 6
-"""Videos whose plan is printed in full before a run."""
+"""Videos whose plan is printed in full before a run, and names in a row of a table."""
+NAMES = 40
+"""Letters of the column of names."""
 
 
 class Tally:
@@ -74,6 +76,10 @@ class Lines:
     def failed(self, name: str, message: str) -> None:
         """A line a failure."""
         self.say(f"failed: {name}: {message}")
+
+    def note(self, text: str) -> None:
+        """A line about the run as a whole."""
+        self.say(text)
 
     def __enter__(self) -> Self:
         return self
@@ -148,10 +154,33 @@ class Steps(Quiet):
         """A line a failure."""
         print(f"failed: {name}: {message}", file=sys.stderr, flush=True)
 
+    def note(self, text: str) -> None:
+        """A line about the run as a whole."""
+        print(text, file=sys.stderr, flush=True)
+
 
 def make_watcher() -> Lines:
     """Bars where somebody looks, lines elsewhere."""
     return Bars() if sys.stderr.isatty() else Lines()
+
+
+def failure_lines(failures: Mapping[str, str], videos: int, again: str) -> list[str]:
+    """The table of failures, videos with the same one in one row, and the command that goes on from there."""
+    if not failures:
+        return []
+    by_message: dict[str, list[str]] = {}
+    for name, message in failures.items():
+        by_message.setdefault(message, []).append(name)
+    rows = []
+    for message, names in by_message.items():
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        rows.append((", ".join(names[:SHOWN]) + more, message))
+    width = min(max(len(names) for names, _ in rows), NAMES)
+    return [
+        f"zsmoseg: {len(failures)} of {videos} videos failed; what was finished is kept",
+        *(f"  {names:<{width}}  {message}" for names, message in rows),
+        f"  again: {again}",
+    ]
 
 
 def plan_lines(plans: Sequence[VideoPlan], guess: Estimate) -> list[str]:

@@ -5,12 +5,39 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from traceback import format_exception
 from typing import Any, Protocol
 
+from zsmoseg.errors import ZsmosegError, in_words
 from zsmoseg.settings import Settings
 from zsmoseg.workflows.planning.estimate import Estimate
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.jobs import Outcome
+
+PATIENCE = 300.0
+"""Seconds that a run waits while a cluster has no worker: batch queues and adaptive clusters start some in minutes."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which of the videos that the sources hold are meant.
+
+    Attributes
+    ----------
+    only
+        Names or patterns of names; none: all.
+    share
+        (i, n): the i-th of n shares, from 1.
+    retry_failed
+        Those that failed or were interrupted when they ran last with this store.
+    limit
+        As many at most.
+    """
+
+    only: Sequence[str] = ()
+    share: tuple[int, int] | None = None
+    retry_failed: bool = False
+    limit: int | None = None
 
 
 @dataclass(frozen=True)
@@ -25,6 +52,8 @@ class Request:
     workers: int | None = None
     start_from: str | None = None
     until: Sequence[str] = ()
+    choice: Choice = Choice()
+    patience: float = PATIENCE
 
 
 class Watcher(Protocol):
@@ -42,6 +71,9 @@ class Watcher(Protocol):
     def failed(self, name: str, message: str) -> None:
         """One video failed; the others go on."""
 
+    def note(self, text: str) -> None:
+        """Something about the run as a whole: what it waits for."""
+
 
 class Quiet:
     """Nobody looks on."""
@@ -58,13 +90,47 @@ class Quiet:
     def failed(self, name: str, message: str) -> None:
         """Ignore."""
 
+    def note(self, text: str) -> None:
+        """Ignore."""
+
 
 @dataclass
 class Report:
-    """How a run ended; ``run`` is its id in the store."""
+    """How a run ended; ``run`` is its id in the store, ``finished`` are the videos that are done.
+
+    ``started``: not every video failed before anything of it was computed.
+    """
 
     plans: list[VideoPlan]
     summaries: dict[str, dict[str, Any]] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
     traces: dict[str, str] = field(default_factory=dict)
     run: str = ""
+    finished: list[str] = field(default_factory=list)
+    started: bool = False
+
+    def fail(self, name: str, failure: Failure, watcher: Watcher) -> None:
+        """Note a video that failed, and tell who looks on."""
+        self.failures[name] = failure.message
+        if failure.trace:
+            self.traces[name] = failure.trace
+        watcher.failed(name, failure.message)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a video failed: a line, and for what nobody expected where it happened."""
+
+    message: str
+    trace: str = ""
+
+    @classmethod
+    def of(cls, error: Exception, source: str) -> Failure:
+        """What was raised, in one line that names the video."""
+        if isinstance(error, ZsmosegError):
+            return cls(str(error))
+        words = in_words(error)
+        if words is not None:
+            return cls(f"{source}: {words}; mend that and run the same command again")
+        trace = "".join(format_exception(error))
+        return cls(f"{source}: unexpected {type(error).__name__}: {error}", trace)

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from zsmoseg.errors import StageError, ZsmosegError
+from zsmoseg.errors import (
+    ClusterError,
+    SpaceError,
+    StageError,
+    ZsmosegError,
+    in_words,
+    system_errors_in_words,
+)
 from zsmoseg.networks.session import chosen_provider
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import RunRecord
@@ -20,9 +27,13 @@ from zsmoseg.workflows.planning.estimate import (
 )
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan, plan_video
 from zsmoseg.workflows.running.artifacts import plans_record, prepare, seal_video
+from zsmoseg.workflows.running.choosing import choose, nothing_left
 from zsmoseg.workflows.running.executors import Executor, make_executor
 from zsmoseg.workflows.running.jobs import Job, Outcome
-from zsmoseg.workflows.running.request import Quiet, Report, Request, Watcher
+from zsmoseg.workflows.running.local_paths import local_folder
+from zsmoseg.workflows.running.request import Failure, Quiet, Report, Request, Watcher
+from zsmoseg.workflows.running.trust import promised
+from zsmoseg.workflows.running.workers import Needs
 from zsmoseg.workflows.stages.graph import names
 
 SMALL = 15.0
@@ -31,25 +42,26 @@ IN_FLIGHT = 4
 """Videos whose jobs are with the executor at once."""
 
 
-def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[str, str]]:
-    """The plans of all sources, and what is wrong with those that have none.
+def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[str, Failure]]:
+    """The plans of all videos that are meant, and what is wrong with those that have none.
 
     Raises
     ------
     ZsmosegError
-        If not one source can be planned: the first error.
+        If not one can be planned: the first error; if ``--only`` names no video.
     """
     found = sources(request.sources)
+    meant = choose(list(zip(found, unique_names(found), strict=True)), request.choice, store)
     plans, failures = [], {}
-    for source, name in zip(found, unique_names(found), strict=True):
+    for source, name in meant:
         try:
             plans.append(_make_plan(request, store, source, name, len(found) == 1))
-        except ZsmosegError as error:
-            if len(found) == 1:
+        except Exception as error:
+            if len(meant) == 1 and isinstance(error, ZsmosegError):
                 raise
-            failures[name] = str(error)
-    if not plans:
-        raise StageError(next(iter(failures.values())))
+            failures[name] = Failure.of(error, source)
+    if failures and not plans:
+        raise StageError(next(iter(failures.values())).message)
     return plans, failures
 
 
@@ -79,39 +91,87 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     Raises
     ------
     ZsmosegError
-        Before anything is started: bad sources, settings, store, output folder, too little disk.
+        Before anything is started: bad sources, settings, store, output folder, too little disk, no cluster.
     """
     watcher = watcher or Quiet()
-    store = Store.open(request.store, create=True)
-    plans, failures = make_plans(request, store)
-    guess = estimate(store, plans)
-    refuse_full_disk(request.store, guess)
-    if request.scheduler in ("local", "serial") and any(models_of(plans)):
-        chosen_provider(request.settings.networks.provider)
-    watcher.planned(plans, guess)
-    report = Report(plans, failures=failures)
-    for name, message in failures.items():
-        watcher.failed(name, message)
-    record = RunRecord.begin(store, request.settings.flat(), plans_record(plans))
+    with system_errors_in_words():
+        store = Store.open(local_folder(request.store), create=True)
+        local_folder(request.out)
+        plans, failures = make_plans(request, store)
+        report = Report(plans)
+        if not plans:
+            watcher.note(nothing_left(len(sources(request.sources)), request.choice))
+            return report
+        guess = estimate(store, plans)
+        refuse_full_disk(request.store, guess)
+        if request.scheduler in ("local", "serial") and any(models_of(plans)):
+            chosen_provider(request.settings.networks.provider)
+        watcher.planned(plans, guess)
+        record = RunRecord.begin(store, request.settings.flat(), plans_record(plans))
     report.run = record.content["id"]
+    for name, failure in failures.items():
+        report.fail(name, failure, watcher)
     state = "interrupted"
     try:
-        for plan in plans:
-            prepare(store, plan)
-        scheduler = request.scheduler
-        if scheduler == "local" and guess.seconds < SMALL:
-            scheduler = "serial"
-        busy = [plan for plan in plans if plan.todo]
-        for plan in plans:
-            if not plan.todo:
-                _finish(plan, request, report, watcher)
-        if busy:
-            with make_executor(scheduler, request.workers or fitting_workers(busy)) as executor:
-                _drive(executor, busy, request, report, watcher)
+        _compute(request, store, record, report, guess.seconds, watcher)
         state = "failed" if report.failures else "done"
     finally:
-        record.end(state, report.failures, report.traces)
+        _end(record, state, report, watcher)
     return report
+
+
+def _compute(
+    request: Request, store: Store, record: RunRecord, report: Report, seconds: float, watcher: Watcher
+) -> None:
+    """Lay out every video, hand what is to do to an executor, finish the others."""
+    for plan in report.plans:
+        try:
+            prepare(store, plan)
+        except SpaceError:
+            raise
+        except Exception as error:
+            report.fail(plan.name, Failure.of(error, plan.source), watcher)
+    good = [plan for plan in report.plans if plan.name not in report.failures]
+    busy = [plan for plan in good if plan.todo]
+    report.started = bool(good)
+    for plan in good:
+        if not plan.todo:
+            _finish(plan, request, report, watcher)
+    if not busy:
+        return
+    small = request.scheduler == "local" and seconds < SMALL
+    outs = [
+        str(plan.output.path.absolute()) for plan in busy if any(s.stage.output for s in plan.stages.values())
+    ]
+    needs = Needs.of(
+        store.path.absolute(), record.path.absolute(), [plan.probe.source for plan in busy], outs
+    )
+    executor = make_executor(
+        "serial" if small else request.scheduler,
+        request.workers or fitting_workers(busy),
+        needs,
+        request.patience,
+        watcher.note,
+    )
+    started = False
+    try:
+        with executor:
+            started = True
+            _drive(executor, busy, request, report, watcher)
+    except ClusterError as error:
+        if not started:
+            raise
+        for plan in busy:
+            if plan.name not in report.failures and plan.name not in report.finished:
+                report.fail(plan.name, Failure(f"not finished: {error}"), watcher)
+
+
+def _end(record: RunRecord, state: str, report: Report, watcher: Watcher) -> None:
+    """Note how the run ended; a store that is full or gone by now keeps what it has."""
+    try:
+        record.end(state, report.failures, report.traces)
+    except (OSError, ZsmosegError) as error:
+        watcher.note(f"how the run ended cannot be noted in the store: {in_words(error) or error}")
 
 
 def _drive(
@@ -143,11 +203,8 @@ def _drive(
         _note(video, job, outcome, watcher)
         if not video.left:
             executor.release(video.names)
-            if video.trace:
-                report.traces[video.plan.name] = video.trace
             if video.failure:
-                report.failures[video.plan.name] = video.failure
-                watcher.failed(video.plan.name, video.failure)
+                report.fail(video.plan.name, video.failure, watcher)
             else:
                 _finish(video.plan, request, report, watcher)
             more()
@@ -160,23 +217,25 @@ class _Running:
     plan: VideoPlan
     left: dict[str, Job]
     names: list[str] = field(default_factory=list)
-    failure: str = ""
-    trace: str = ""
+    failure: Failure | None = None
 
 
 def _note(video: _Running, job: Job, outcome: Outcome, watcher: Watcher) -> None:
     """Keep what one job left; the first failure names the frames and what to do."""
     plan, stage = video.plan, video.plan.stages[job.stage]
-    if outcome.state == "failed" and not video.failure:
-        video.failure = (
+    if outcome.state == "failed" and video.failure is None:
+        video.failure = Failure(
             f"{plan.source}: {job.stage}, frames {job.start} to {job.stop - 1}: {outcome.error} "
-            "(what was finished is kept; the same command goes on from there)"
+            "(what was finished is kept; the same command goes on from there)",
+            outcome.trace,
         )
-        video.trace = outcome.trace
     if outcome.state == "done":
-        if stage.stage.output:
-            plan.output.add((outcome.facts or {})["files"], stage.key)
-        stage.todo.remove(job.part)
+        try:
+            if stage.stage.output:
+                plan.output.add((outcome.facts or {})["files"], stage.key)
+            stage.todo.remove(job.part)
+        except Exception as error:
+            video.failure = video.failure or Failure.of(error, plan.source)
     watcher.part(plan, job.stage, job.part, outcome)
 
 
@@ -194,7 +253,7 @@ def jobs(
         for part in stage.todo:
             start, stop = stage.parts[part]
             job = Job(
-                str(request.store),
+                str(request.store.absolute()),
                 plan.video,
                 name,
                 stage.key,
@@ -204,10 +263,11 @@ def jobs(
                 plan.stages["frames"].key,
                 stage.settings,
                 stage.inputs,
-                str(plan.output.path),
+                str(plan.output.path.absolute()),
                 plan.graph,
                 networks,
                 bool(stage.models),
+                promised(plan, stage, request.settings.video.fingerprint),
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]
@@ -218,21 +278,24 @@ def _finish(plan: VideoPlan, request: Request, report: Report, watcher: Watcher)
     """Seal what is complete; clear and describe the output folder."""
     try:
         summary = seal_video(plan, request.settings)
-    except ZsmosegError as error:
-        report.failures[plan.name] = str(error)
-        watcher.failed(plan.name, str(error))
+    except Exception as error:
+        report.fail(plan.name, Failure.of(error, plan.source), watcher)
         return
     if summary is not None:
         report.summaries[plan.name] = summary
+    report.finished.append(plan.name)
     watcher.finished(plan, summary)
 
 
 def dry_run(request: Request) -> list[str]:
     """The plan in words; nothing is written."""
-    store = Store(request.store)
-    if store.path.exists():
-        store = Store.open(request.store, create=False)
-    plans, failures = make_plans(request, store)
-    guess = estimate(store, plans)
-    lines = explain_plan(plans) + [f"{name}: {message}" for name, message in failures.items()]
+    with system_errors_in_words():
+        store = Store(local_folder(request.store))
+        if store.path.exists():
+            store = Store.open(request.store, create=False)
+        plans, failures = make_plans(request, store)
+        if not plans:
+            return [nothing_left(len(sources(request.sources)), request.choice)]
+        guess = estimate(store, plans)
+    lines = explain_plan(plans) + [f"{name}: {failure.message}" for name, failure in failures.items()]
     return [*lines, estimate_line(guess) if any(plan.todo for plan in plans) else "nothing to do"]

@@ -12,9 +12,9 @@ import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
 from zsmoseg.errors import ModelError
 
@@ -29,6 +29,8 @@ ROLES: Mapping[str, str] = {"depth": "depth", "flow": "flow", "tags": "scores"}
 """What the one output of a task is."""
 PROSE = ("notes", "export", "postprocess")
 """Tables that nothing reads."""
+LARGEST = 8192
+"""px, sides of an input."""
 TABLES = ("tags", "text", "masks", "instances", "tracker")
 """Tables that the adapter of a task reads (``Contract.extra``)."""
 
@@ -36,7 +38,7 @@ TABLES = ("tags", "text", "masks", "instances", "tracker")
 class Table(BaseModel):
     """A table of a contract."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 T = TypeVar("T", bound=BaseModel)
@@ -46,7 +48,7 @@ class File(Table):
     """A file beside the contract."""
 
     file: str = Field(pattern=r"^[^/\\.][^/\\]*$")
-    sha256: str = Field("", pattern=r"^([0-9a-f]{64})?$")
+    sha256: Annotated[str, StringConstraints(to_lower=True)] = Field("", pattern=r"^([0-9a-fA-F]{64})?$")
     bytes: int | None = Field(None, ge=0)
     url: str = ""
 
@@ -74,16 +76,16 @@ class Resize(Table):
     """
 
     rule: Literal["none", "stretch", "short-side", "long-side", "letterbox"]
-    height: int | None = Field(None, ge=1)
-    width: int | None = Field(None, ge=1)
-    short_side: int | None = Field(None, ge=1)
-    long_side: int | None = Field(None, ge=1)
+    height: int | None = Field(None, ge=1, le=LARGEST)
+    width: int | None = Field(None, ge=1, le=LARGEST)
+    short_side: int | None = Field(None, ge=1, le=LARGEST)
+    long_side: int | None = Field(None, ge=1, le=LARGEST)
     enlarge: bool = True
-    multiple_of: int = Field(1, ge=1)
+    multiple_of: int = Field(1, ge=1, le=1024)
     plus: int = Field(0, ge=0)
     rounding: Literal["nearest", "up", "down"] = "nearest"
     pad: Literal["none", "bottom-right", "centre"] = "none"
-    pad_value: list[float] | None = None
+    pad_value: list[float] | None = Field(None, min_length=3, max_length=3)
     """Pixel values before scaling, a number a channel; None: zeros after it."""
     pad_mode: Literal["constant", "replicate"] = "constant"
     interpolation: Literal["linear", "cubic", "area", "antialias", "antialias-cubic"] = "linear"
@@ -130,17 +132,17 @@ class Image(Table):
     """How a frame becomes a tensor: resized, colours in order, (x * scale - mean) / std, a batch of one."""
 
     tensor: str = ""
-    dtype: Literal["float32"] = "float32"
+    dtype: Literal["float32", "float16", "uint8"] = "float32"
     shape: list[int | str] | None = None
     layout: Literal["NCHW", "HWC"] = "NCHW"
     colour_order: Literal["RGB", "BGR"]
     value_range: list[float] = []
     scale: float = 1.0
     mean: list[float] = Field([0.0, 0.0, 0.0], min_length=3, max_length=3)
-    std: list[float] = Field([1.0, 1.0, 1.0], min_length=3, max_length=3)
+    std: list[Annotated[float, Field(gt=0)]] = Field([1.0, 1.0, 1.0], min_length=3, max_length=3)
     resize: Resize
     dynamic_verified: bool = False
-    """Whether other sizes than the export's were compared with the original network."""
+    """What its exporter says: other sizes than the export's were compared with the original network."""
     batch_verified: bool = False
     """Whether several frames at once were."""
 
@@ -200,6 +202,13 @@ class Contract(BaseModel):
                 f"{self.folder / NAME}: lacks [input]; say how a frame becomes the network's input"
             )
         return self.input
+
+    def meaning_of(self, role: str) -> Output:
+        """What is said of the output with a role; nothing where nothing is said."""
+        tensor = self.graph[MAIN].outputs.get(role, role) if MAIN in self.graph else role
+        alone = self.output if len(self.output) == 1 else []
+        said = [o for o in self.output if role in (o.role, o.tensor) or o.tensor == tensor]
+        return (said or alone or [Output()])[0]
 
     def extra(self, name: str, kind: type[T]) -> T:
         """A table of the task's adapter.
@@ -267,7 +276,7 @@ def load_contract(folder: str | Path) -> Contract:
         raise ModelError(
             f"{path}: cannot be read ({error.strerror}); a model is a folder with a {NAME}"
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ModelError(f"{path}: is not TOML ({error})") from error
     return contract_of(content, Path(folder))
 
@@ -287,13 +296,15 @@ def contract_of(content: Mapping[str, Any], folder: Path) -> Contract:
     }  # fmt: skip
     outputs = top.pop("output", [])
     top["output"] = outputs if isinstance(outputs, list) else [outputs]
-    top["task"] = TASKS.get(top.get("task", ""), top.get("task", ""))
+    task = top.get("task", "")
+    top["task"] = TASKS.get(task, task) if isinstance(task, str) else task
     tables = {name: content[name] for name in TABLES if name in content}
     single = {name: top.pop(name) for name in File.model_fields if name in top}
     if single and "graph" not in top:
         top["graph"] = {MAIN: single}
     try:
         found = Contract.model_validate({**top, "folder": folder, "tables": tables})
+        assert found.files  # names of files in tables are validated here, not when they are used
         return _with_roles(found) if single else found
     except ValidationError as error:
         raise ModelError(f"{folder / NAME}: {_first(error)}") from error

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.depth.relative import relative
-from zsmoseg.errors import ModelError
+from zsmoseg.errors import ModelError, NetworkError
 from zsmoseg.formats.depth import inverse_depth
 from zsmoseg.networks.batches import run_frames
 from zsmoseg.networks.contract import NAME, Contract
@@ -31,7 +31,7 @@ def kind_of(contract: Contract) -> Kind:
     ModelError
         The contract does not say: mixed up, parallax gets the wrong sign and nothing fails.
     """
-    meaning = contract.output[0].meaning.lower() if contract.output else ""
+    meaning = contract.meaning_of("depth").meaning.lower()
     if meaning.startswith(INVERSE):
         return "inverse-depth"
     if meaning.startswith(DEPTH):
@@ -61,6 +61,11 @@ def network_depth(
             raise ModelError(
                 f"{network.contract.folder / NAME}: its output is {list(found.shape)}; depth is one number a pixel"
             )
-        if network.contract.output[0].align_corners:
+        if not found.max() > 0:
+            raise NetworkError(
+                f"{network.contract.name}: its depth is nowhere above 0; is the input range right?"
+            )
+        if network.contract.meaning_of("depth").align_corners:
             where = replace(where, align_corners=True)
-        yield relative(inverse_depth(where.map_out(found.reshape(found.shape[-2:])), kind), size)
+        full = where.map_out(found.reshape(found.shape[-2:]))
+        yield relative(full if kind == "inverse-depth" else inverse_depth(full, kind), size)

@@ -25,13 +25,10 @@ def check_flow(contract: Contract) -> None:
     ModelError
         It does not: in other units the motion has a plausible look and the wrong length.
     """
-    tensor = contract.graph[MAIN].outputs.get("flow", "flow") if MAIN in contract.graph else "flow"
-    said = [o.meaning for o in contract.output if "flow" in (o.role, o.tensor) or o.tensor == tensor]
-    if not said and len(contract.output) == 1:
-        said = [contract.output[0].meaning]
-    if not any(meaning.lower().startswith(MEANING) for meaning in said):
+    said = contract.meaning_of("flow").meaning
+    if not said.lower().startswith(MEANING):
         raise ModelError(
-            f"{contract.folder / NAME}: [output] meaning of the flow is {said[0] if said and said[0] else 'missing'}; "
+            f"{contract.folder / NAME}: [output] meaning of the flow is {said or 'missing'}; "
             f'it is "{MEANING}" (x right, y down, from first to second); write into the graph what differs'
         )
 

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.errors import ModelError
 from zsmoseg.networks.contract import Image, Resize
 
 Frame = NDArray[np.uint8]
@@ -17,6 +18,8 @@ Tensor = NDArray[np.float32]
 Size = tuple[int, int]
 """Height and width, px."""
 
+MOST = 2**26
+"""px of an input: by its short side an elongated frame grows without bounds."""
 CV = {
     "linear": cv2.INTER_LINEAR,
     "cubic": cv2.INTER_CUBIC,
@@ -49,10 +52,6 @@ class Geometry:
         """Places (..., 2) x, y px of the frame as those of the canvas."""
         return (np.asarray(points) * self.scale + (self.left, self.top)).astype(np.float32)
 
-    def boxes_in(self, boxes: NDArray[Any]) -> NDArray[np.float32]:
-        """Boxes (n, 4) x0, y0, x1, y1 px of the frame as those of the canvas."""
-        return self.points_in(np.reshape(boxes, (-1, 2, 2))).reshape(-1, 4)
-
     def boxes_out(self, boxes: NDArray[Any]) -> NDArray[np.float32]:
         """Boxes (n, 4) x0, y0, x1, y1 px of the canvas as those of the frame; they may reach beyond it."""
         corners = (np.reshape(boxes, (-1, 2, 2)) - (self.left, self.top)) / self.scale
@@ -61,8 +60,8 @@ class Geometry:
     def crop(self, values: NDArray[Any]) -> NDArray[Any]:
         """Of maps (..., h, w) of any size that cover the canvas, the part that shows the frame: no padding."""
         high, wide = values.shape[-2] / self.canvas[0], values.shape[-1] / self.canvas[1]
-        rows = slice(round(self.top * high), round((self.top + self.resized[0]) * high))
-        columns = slice(round(self.left * wide), round((self.left + self.resized[1]) * wide))
+        rows = _span(self.top * high, (self.top + self.resized[0]) * high, values.shape[-2])
+        columns = _span(self.left * wide, (self.left + self.resized[1]) * wide, values.shape[-1])
         return values[..., rows, columns]
 
     def map_out(
@@ -79,6 +78,12 @@ class Geometry:
         if self.align_corners:
             return aligned(part, wanted)
         return np.asarray(cv2.resize(part, wanted[::-1], interpolation=CV[interpolation]), np.float32)
+
+
+def _span(first: float, last: float, most: int) -> slice:
+    """The places between two edges, one at least."""
+    begin = min(round(first), most - 1)
+    return slice(begin, max(begin + 1, round(last)))
 
 
 def aligned(values: NDArray[Any], size: Size) -> Tensor:
@@ -107,6 +112,11 @@ def geometry(original: Size, rule: Resize) -> Geometry:
     """Where a frame of (height, width) goes."""
     resized = _resized(original, rule)
     canvas = _canvas(resized, rule)
+    if math.prod(canvas) > MOST:
+        raise ModelError(
+            f"the resize rule of the contract makes {canvas[1]} x {canvas[0]} of {original[1]} x {original[0]} px; at "
+            f"most {MOST} px go into a network: use long_side, or letterbox"
+        )
     top, left = ((c - r) // 2 if rule.pad == "centre" else 0 for c, r in zip(canvas, resized, strict=True))
     return Geometry(original, resized, canvas, top, left, rule.align_corners)
 
@@ -124,7 +134,7 @@ def _resized(original: Size, rule: Resize) -> Size:
         assert high is not None
         assert wide is not None
         scale = min(high / height, wide / width)
-        return min(high, round(height * scale)), min(wide, round(width * scale))
+        return min(high, max(1, round(height * scale))), min(wide, max(1, round(width * scale)))
     if rule.rule == "short-side":
         assert rule.short_side is not None
         scale = rule.short_side / min(original)
@@ -175,17 +185,20 @@ def prepare(frame: Frame, image: Image) -> tuple[Tensor, Geometry]:
     planes = _normalised(values, image)
     if image.resize.pad_value is None:
         planes = _padded(planes.transpose(1, 2, 0), where, image.resize, [0.0, 0.0, 0.0]).transpose(2, 0, 1)
+    if image.dtype == "uint8":
+        planes = np.clip(np.rint(planes), 0, 255)
     if image.layout == "HWC":
-        return np.ascontiguousarray(planes.transpose(1, 2, 0)), where
-    return np.ascontiguousarray(planes)[None], where
+        return np.ascontiguousarray(planes.transpose(1, 2, 0), image.dtype), where
+    return np.ascontiguousarray(planes, image.dtype)[None], where
 
 
 def _normalised(values: NDArray[Any], image: Image) -> Tensor:
     """(3, h, w) of (h, w, 3), blue green red: colours in order, (x * scale - mean) / std; plane by plane, which is fast."""
     order = (2, 1, 0) if image.colour_order == "RGB" else (0, 1, 2)
     planes = np.empty((3, *values.shape[:2]), np.float32)
+    channels = cv2.split(np.ascontiguousarray(values))
     for plane, channel, mean, std in zip(planes, order, image.mean, image.std, strict=True):
-        np.multiply(values[..., channel], np.float32(image.scale), out=plane)
+        np.multiply(channels[channel], np.float32(image.scale), out=plane)
         if mean:
             plane -= np.float32(mean)
         if std != 1:

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 from scipy.special import expit, logit
 
 from zsmoseg.errors import ModelError
@@ -30,11 +31,11 @@ class Instances(Table):
     categories: list[str] | Literal["coco"] | None = None
     scores: Literal["probabilities", "logits"] = "probabilities"
     boxes: Literal["centre-size", "corners"] = "centre-size"
-    floor: float = 0.1
+    floor: float = Field(0.1, ge=0, lt=1)
     """Best score of a category from which a candidate is kept: thresholds act above it."""
-    most: int = 100
+    most: int = Field(100, ge=1, le=10000)
     """Candidates of a frame that are kept, the best first."""
-    overlap: float = 0.7
+    overlap: float = Field(0.7, gt=0, le=1)
     """Intersection over union of boxes from which the lower score is the same thing."""
 
 
@@ -49,13 +50,7 @@ class Raw:
 
 
 def categories_of(contract: Contract) -> list[str]:
-    """The names of the categories; numbers as words where the contract gives none.
-
-    Raises
-    ------
-    ModelError
-        The contract names another number of categories than the network scores.
-    """
+    """The names of the categories; none where the contract gives none."""
     named = contract.extra("instances", Instances).categories
     if named is None and any("coco" in output.meaning.lower() for output in contract.output):
         named = "coco"

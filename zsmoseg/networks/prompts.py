@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 MOST_TOKENS = 256
 """Tokens that the text side of Grounding DINO was trained with, [CLS] and [SEP] included."""
-SEPARATORS = re.compile(r",|\n|\s\.(?=\s|$)|\.$")
-"""Between the phrases of what a user types: a comma, or a full stop that stands alone or at the end."""
+SEPARATORS = re.compile(r"[,;\n]|\.(?=\s|$)")
+"""Between the phrases of what a user types: a comma, a semicolon, or a full stop, at which the detector cuts too."""
 
 
 @dataclass(frozen=True)

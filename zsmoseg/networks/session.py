@@ -15,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import ModelError, NetworkError, SettingsError
+from zsmoseg.networks.agreement import check_graph
 from zsmoseg.networks.contract import NAME, Contract, File, Graph
-from zsmoseg.networks.references import contract_at, digest_of
+from zsmoseg.networks.references import contract_at
 
 Array = NDArray[Any]
 
 PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
 """Short names; others are written like ``coreml`` for CoreMLExecutionProvider."""
-TYPES = {"tensor(float)": "float32", "tensor(int64)": "int64", "tensor(bool)": "bool", "tensor(int32)": "int32",
-         "tensor(float16)": "float16", "tensor(double)": "float64", "tensor(uint8)": "uint8"}  # fmt: skip
 MEMORY_WORDS = ("failed to allocate memory", "out of memory", "bfcarena", "cuda_error_out_of_memory")
 
 
@@ -106,12 +105,18 @@ class Network:
         if timing:
             self._time(graph, time.process_time() - clock)
         for role, value in zip(roles, found, strict=True):
-            # -inf is how networks say never (logits that are masked); +inf and NaN are how they fail
-            if value.dtype.kind == "f" and not (value < np.inf).all():
+            # -inf is how networks say never in logits that are masked; all else that is not finite is a failure
+            lowest = -np.inf if role == "logits" else np.finfo(np.float32).min
+            if (
+                value.dtype.kind == "f"
+                and value.size
+                and not (value.min() >= lowest and value.max() < np.inf)
+            ):
                 raise NetworkError(
                     f"{self.contract.name}: its output {role} is not finite; is the input range of its contract right?"
                 )
-        return dict(zip(roles, found, strict=True))
+        full = [value.astype(np.float32) if value.dtype == np.float16 else value for value in found]
+        return dict(zip(roles, full, strict=True))
 
     def _time(self, graph: str, seconds: float) -> None:
         """Count what the first call took beyond the second."""
@@ -164,7 +169,7 @@ class Network:
                 f"networks.provider = {self.provider}: {provider} is in this onnxruntime and does not start on this "
                 "machine; install its libraries, or set networks.provider=cpu"
             )
-        _check(session, graph, where, self.contract)
+        check_graph(session, graph, where, self.contract)
         return session
 
 
@@ -177,12 +182,7 @@ def open_network(reference: str, provider: str, threads: int) -> Network:
     ModelError
         The model is no longer there, or no longer the one that was planned with.
     """
-    contract = contract_at(reference)
-    if contract.digest != digest_of(reference):
-        raise ModelError(
-            f"{contract.folder}: is another model than when the run was planned; start the run again"
-        )
-    return Network(contract, provider, threads)
+    return Network(contract_at(reference), provider, threads)
 
 
 def verified(folder: Path, file: File) -> bytes:
@@ -230,7 +230,7 @@ def chosen_provider(name: str) -> str:
     if not found:
         hint = "install onnxruntime-gpu in place of onnxruntime, or " if name == "cuda" else ""
         raise SettingsError(
-            f"networks.provider = {name}: this onnxruntime has {', '.join(there)}; {hint}set networks.provider=cpu"
+            f"networks.provider = {name or 'nothing'}: this onnxruntime has {', '.join(there)}; {hint}set networks.provider=cpu"
         )
     return found[0]
 
@@ -238,41 +238,6 @@ def chosen_provider(name: str) -> str:
 def _roles(tensors: Mapping[str, str]) -> dict[str, str]:
     """Tensor to role."""
     return {tensor: role for role, tensor in tensors.items()}
-
-
-def _check(session: Any, graph: Graph, where: str, contract: Contract) -> None:
-    """Refuse a graph whose tensors are not those of the contract: names, types, numbers of the shapes."""
-    ends = (("input", graph.inputs, session.get_inputs()), ("output", graph.outputs, session.get_outputs()))
-    for what, named, tensors in ends:
-        there = {tensor.name: tensor for tensor in tensors}
-        for tensor in named.values():
-            if tensor not in there:
-                raise ModelError(
-                    f"{where}: has no {what} {tensor}, which {NAME} names; the graph has {', '.join(there)}"
-                )
-            _check_tensor(there[tensor], graph, where)
-    if contract.input is not None and (image := graph.inputs.get("image")):
-        shape = next(tensor.shape for tensor in session.get_inputs() if tensor.name == image)
-        rank = 4 if contract.input.layout == "NCHW" else 3
-        if len(shape) != rank:
-            raise ModelError(
-                f"{where}: input {image} has {len(shape)} dimensions, {contract.input.layout} of {NAME} has {rank}"
-            )
-
-
-def _check_tensor(tensor: Any, graph: Graph, where: str) -> None:
-    declared, kind = graph.shapes.get(tensor.name), graph.dtypes.get(tensor.name)
-    found = TYPES.get(tensor.type, tensor.type)
-    if kind is not None and kind != found:
-        raise ModelError(f"{where}: {tensor.name} is {found}, {NAME} says {kind}")
-    if declared is None:
-        return
-    differ = len(declared) != len(tensor.shape) or any(
-        isinstance(a, int) and isinstance(b, int) and a != b
-        for a, b in zip(declared, tensor.shape, strict=True)
-    )
-    if differ:
-        raise ModelError(f"{where}: {tensor.name} is {list(tensor.shape)}, {NAME} says {declared}")
 
 
 def _failed(where: str, error: Exception) -> NetworkError:

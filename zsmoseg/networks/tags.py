@@ -32,7 +32,13 @@ class TagsTable(Table):
 
 def tag_names(contract: Contract) -> tuple[str, ...]:
     """Names of the tags in the order of the scores, one a line of the contract's file."""
-    return tuple(_lines(contract, contract.extra("tags", TagsTable).names))
+    file = contract.extra("tags", TagsTable).names
+    names = tuple(_lines(contract, file))
+    if not names:
+        raise ModelError(
+            f"{contract.folder / file.file}: names no tag; take the list of the network's revision"
+        )
+    return names
 
 
 def tag_thresholds(contract: Contract) -> Scores:
@@ -52,6 +58,8 @@ def tag_thresholds(contract: Contract) -> Scores:
         thresholds = np.array([float(line) for line in lines], np.float32)
     except ValueError as error:
         raise ModelError(f"{table.thresholds.file} of {contract.name}: {error}") from error
+    if not ((thresholds >= 0) & (thresholds <= 1)).all():
+        raise ModelError(f"{table.thresholds.file} of {contract.name}: thresholds are probabilities, 0 to 1")
     if len(thresholds) != count:
         raise ModelError(
             f"{contract.name}: {table.names.file} has {count} tags, {table.thresholds.file} has"
@@ -93,4 +101,7 @@ def chosen_tags(scores: Scores, thresholds: Scores) -> NDArray[np.int64]:
 
 def _lines(contract: Contract, file: File) -> list[str]:
     """Lines of a text file; RAM's own has no newline at its end."""
-    return verified(contract.folder, file).decode("utf-8").splitlines()
+    try:
+        return verified(contract.folder, file).decode("utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{contract.folder / file.file}: is no UTF-8 text ({error})") from error

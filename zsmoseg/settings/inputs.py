@@ -9,18 +9,19 @@ from typing import Any, Literal
 from zsmoseg.errors import SettingsError
 from zsmoseg.settings.section import Brought, Section, setting
 
+WHEN = r"^(\d{1,12}(\.\d{1,12})?s?|\d{1,12}f)?$"
+"""Seconds or a frame number."""
+
 
 class Video(Section):
     """Which frames of the source are used."""
 
-    start: str = setting(
-        "", "first frame used: seconds (12.5) or a frame number (300f)", pattern=r"^(\d+(\.\d+)?s?|\d+f)?$"
-    )
-    end: str = setting(
-        "", "end of what is used, exclusive: seconds or a frame number", pattern=r"^(\d+(\.\d+)?s?|\d+f)?$"
-    )
+    start: str = setting("", "first frame used: seconds (12.5) or a frame number (300f)", pattern=WHEN)
+    end: str = setting("", "end of what is used, exclusive: seconds or a frame number", pattern=WHEN)
     every: int = setting(1, "use every n-th frame", "frames", ge=1)
-    fps: float = setting(25.0, "frame rate of folders of images, which carry no times", "1/s", gt=0)
+    fps: float = setting(
+        25.0, "frame rate of folders of images, which carry no times", "1/s", ge=1e-3, le=1e6
+    )
     allow_truncated: bool = setting(False, "use the part of a damaged video that can be decoded")
     fingerprint: Literal["content", "stat"] = setting(
         "content", "how the source is recognised: hash of its bytes, or size and time of change"

@@ -56,7 +56,9 @@ class Selection(Section):
         0.5, "intersection over union above which the weaker of two masks is the same again", gt=0, le=1
     )
     largest: float = setting(0.5, "part of the image above which a mask is no object", gt=0, le=1)
-    deny: tuple[str, ...] = setting((), 'categories that are no objects: ["sky", "road"]')
+    deny: tuple[str, ...] = setting(
+        (), 'categories that are no objects, whatever their case: ["sky", "road"]'
+    )
 
 
 class Linking(Section):
@@ -74,8 +76,9 @@ class Linking(Section):
 class Tracking(Section):
     """How masks are followed through a span."""
 
-    source: Literal["flow", "network"] = setting(
-        "flow", "flow: along the flow, borders by colour; network: tracking.model"
+    source: Literal["auto", "flow", "network"] = setting(
+        "auto",
+        "flow: along the flow, borders by colour; network: tracking.model; auto: the network if one is named",
     )
     model: str = setting("", "the tracker: its name or folder", "", ("source", "network"), ("tracker",))
     handover: int = setting(

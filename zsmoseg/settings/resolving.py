@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,9 @@ def resolve(
     tree: dict[str, dict[str, Any]] = {}
     known = defaults()
     for name, value in flat.items():
-        if (name, str(value)) in GONE_VALUES:
+        if unusable := _unusable(value):
+            problems.append(f"{name} {unusable}")
+        elif (name, str(value)) in GONE_VALUES:
             problems.append(f"{name}={value} {GONE_VALUES[name, str(value)]}")
         elif name in known:
             section, field = name.split(".", 1)
@@ -93,6 +96,21 @@ def resolve(
     return settings
 
 
+def _unusable(value: Any) -> str | None:
+    """What is wrong with a value whatever the setting: not finite, more digits than any number needs, a null byte."""
+    if isinstance(value, float) and not isfinite(value):
+        return f"= {value}: expected a finite number"
+    if isinstance(value, int) and abs(value) >= 2**63:
+        return "has more digits than any setting takes"
+    if isinstance(value, str) and "\0" in value:
+        return f"= {value!r}: holds a null byte, which no text or name can have here"
+    if isinstance(value, dict):
+        return "is a table; expected one value"
+    if isinstance(value, list):
+        return next((problem for one in value if (problem := _unusable(one))), None)
+    return None
+
+
 def parse_override(text: str) -> tuple[str, Any]:
     """``"flow.stride=4"`` as name and TOML value; what is not TOML is a string."""
     name, equals, value = text.partition("=")
@@ -102,18 +120,30 @@ def parse_override(text: str) -> tuple[str, Any]:
         return name.strip(), tomllib.loads(f"v = {value}")["v"]
     except tomllib.TOMLDecodeError:
         return name.strip(), value.strip()
+    except (ValueError, RecursionError) as error:
+        raise SettingsError(f"--set {name}: {_toml_words(error)}") from error
 
 
 def _toml(path: Path) -> dict[str, Any]:
     try:
-        with path.open("rb") as file:
-            return tomllib.load(file)
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise SettingsError(
             f"{path}: cannot be read ({error.strerror}); give a TOML file to --config"
         ) from error
-    except tomllib.TOMLDecodeError as error:
-        raise SettingsError(f"{path}: is not TOML ({error})") from error
+    except (ValueError, RecursionError) as error:
+        raise SettingsError(f"{path}: {_toml_words(error)}") from error
+
+
+def _toml_words(error: Exception) -> str:
+    """Why something cannot be read as TOML; Python's own limits are no syntax errors."""
+    if isinstance(error, tomllib.TOMLDecodeError):
+        return f"is not TOML ({error})"
+    if isinstance(error, UnicodeDecodeError):
+        return f"is not UTF-8, as TOML must be ({error.reason} at byte {error.start}); save it as UTF-8"
+    if isinstance(error, RecursionError):
+        return "is nested too deep; settings are section.name = value"
+    return "holds a number or a name that cannot be read; settings are section.name = value"
 
 
 def _flatten(tree: Mapping[str, Any]) -> dict[str, Any]:

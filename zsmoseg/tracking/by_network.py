@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from zsmoseg.errors import ModelError
-from zsmoseg.networks.contract import NAME
+from zsmoseg.networks.contract import NAME, Contract
 from zsmoseg.networks.session import Network
 from zsmoseg.tracking.by_cutie import CutieTracker
 from zsmoseg.tracking.by_deaot import DeaotTracker
@@ -13,17 +13,23 @@ STYLES = {"cutie": CutieTracker, "deaot": DeaotTracker}
 """By ``[tracker] style``."""
 
 
-def network_tracker(network: Network) -> Factory:
-    """Trackers that share the sessions of a network.
+def style_of(contract: Contract) -> str:
+    """What the contract of a tracker names as its style.
 
     Raises
     ------
     ModelError
-        The contract names no style, or one that is not known.
+        None, or one that is not known.
     """
-    style = network.contract.tables.get("tracker", {}).get("style", "none")
+    style = contract.tables.get("tracker", {}).get("style", "none")
     if style not in STYLES:
         raise ModelError(
-            f"{network.contract.folder / NAME}: [tracker] style is {style}; {' and '.join(STYLES)} are known"
+            f"{contract.folder / NAME}: [tracker] style is {style}; {' and '.join(STYLES)} are known"
         )
+    return str(style)
+
+
+def network_tracker(network: Network) -> Factory:
+    """Trackers that share the sessions of a network, a new one for every span."""
+    style = style_of(network.contract)
     return lambda: STYLES[style](network)

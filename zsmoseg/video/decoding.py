@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any
 
 import av
@@ -19,6 +20,11 @@ from zsmoseg.video.bounds import PIXELS
 UInt8 = NDArray[np.uint8]
 LIMIT = {"max_pixels": str(PIXELS)}
 """For FFmpeg: a stream may state another size in its middle than in its head."""
+
+
+def media(path: str | Path) -> str:
+    """A path as FFmpeg takes it: what stands before a colon in it is no protocol."""
+    return f"file:{path}"
 
 
 def _picture(frame: Any) -> UInt8:
@@ -95,7 +101,7 @@ class Decoder:
         self.close()
         key, sure = (int(self.keys[max(n, 0)]) if len(self.keys) else 0 for n in (at, trusted))
         try:
-            self._container = av.open(self.path)
+            self._container = av.open(media(self.path))
         except (av.error.FFmpegError, OSError) as error:
             raise VideoError(f"{self.path}: cannot be opened ({error.strerror})") from error
         stream = self._container.streams.video[0]
@@ -113,7 +119,7 @@ class Decoder:
     def _strict(self) -> bool:
         """Damage is not to be painted over, except where an odd encoder makes even the first frame a damage."""
         try:
-            with av.open(self.path) as container:
+            with av.open(media(self.path)) as container:
                 stream = container.streams.video[0]
                 stream.codec_context.thread_count = 1
                 stream.codec_context.options = {**LIMIT, "err_detect": "explode"}

@@ -13,7 +13,7 @@ import numpy as np
 
 from zsmoseg.errors import VideoError
 from zsmoseg.video.bounds import TooLarge, check_size
-from zsmoseg.video.decoding import Decoder, UInt8
+from zsmoseg.video.decoding import Decoder, UInt8, media
 
 REORDER = 16
 """Frames that a codec may store out of order (H.264 and HEVC)."""
@@ -52,7 +52,7 @@ def index(path: str, thorough: bool = False) -> Index:
         If it is not a video or its first frame cannot be decoded.
     """
     try:
-        with av.open(path) as container:
+        with av.open(media(path)) as container:
             if not container.streams.video:
                 raise VideoError(f"{path}: is not a video: it has no picture")
             stream = container.streams.video[0]
@@ -67,6 +67,8 @@ def index(path: str, thorough: bool = False) -> Index:
     except TooLarge as error:
         raise VideoError(f"{path}: {error}; make it smaller") from error
     except av.error.FFmpegError as error:
+        if isinstance(error, PermissionError | FileNotFoundError):
+            raise VideoError(f"{path}: cannot be opened ({error.strerror})") from error
         raise VideoError(
             f"{path}: is not a video, or it is damaged from the start ({error.strerror})"
         ) from error

@@ -40,7 +40,7 @@ def sources(arguments: Sequence[str]) -> list[str]:
     for argument in arguments:
         try:
             for video in _expand(argument):
-                files = image_files(video) or [video]
+                files = _images(video) or [video]
                 once.setdefault(tuple(os.path.realpath(file) for file in files), video)
         except OSError as error:
             raise VideoError(f"{error.filename or argument}: cannot be read ({error.strerror})") from error
@@ -80,7 +80,7 @@ def _folder(path: Path) -> list[str]:
         if (path / inner).is_dir():
             return _folder(path / inner)
     entries = sorted(path.iterdir(), key=natural)
-    found = [str(p) for p in entries if p.suffix.lower() in VIDEOS or (p.is_dir() and image_files(str(p)))]
+    found = [str(p) for p in entries if p.suffix.lower() in VIDEOS or (p.is_dir() and _images(str(p)))]
     if not found:
         raise VideoError(f"{path}: holds neither frames nor videos")
     return found
@@ -95,6 +95,14 @@ def image_files(source: str) -> list[str]:
     else:
         names = glob.glob(source, recursive=True)
     return sorted((n for n in names if os.path.splitext(n)[1].lower() in IMAGES), key=natural)
+
+
+def _images(source: str) -> list[str]:
+    """As ``image_files``; a folder that cannot be listed counts as a video, and fails as one."""
+    try:
+        return image_files(source)
+    except OSError:
+        return [source]
 
 
 def unique_names(videos: Sequence[str]) -> list[str]:
@@ -140,7 +148,9 @@ def stat_signature(source: str) -> str:
     """Path, size, time of change and inode of every file: what a cached fingerprint is looked up by."""
     files = image_files(source) or [source]
     text = "\n".join(
-        f"{os.path.realpath(f)} {s.st_size} {s.st_mtime_ns} {s.st_ino}" for f in files for s in [os.stat(f)]
+        f"{os.path.realpath(f)} {s.st_size} {s.st_mtime_ns} {s.st_ctime_ns} {s.st_ino}"
+        for f in files
+        for s in [os.stat(f)]
     )
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -13,7 +13,6 @@ from zsmoseg.depth.ground import ground
 from zsmoseg.networks.depth import network_depth
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
-from zsmoseg.video.frames import read
 from zsmoseg.workflows.imports.contents import depth_of
 from zsmoseg.workflows.stage import Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
@@ -57,7 +56,7 @@ def _imported(part: Part, s: Sections) -> Iterator[NDArray[np.float32]]:
 
 
 def _network(part: Part, s: Sections) -> Iterator[NDArray[np.float32]]:
-    frames = read(part.probe, part.start, part.stop)
+    frames = part.images(part.start, part.stop)
     found = network_depth(
         part.network(s.depth.model), frames, working_size(part.probe, s.frames.width), part.batch
     )

@@ -16,7 +16,6 @@ from zsmoseg.flow.warp import resized
 from zsmoseg.networks.flow import network_flow
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table, video
-from zsmoseg.video.frames import read
 from zsmoseg.workflows.imports.contents import flow_of
 from zsmoseg.workflows.stage import Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
@@ -77,7 +76,7 @@ def _imported(part: Part, inputs: Inputs, s: Sections) -> Iterator[tuple[Vectors
 
 def _network(part: Part, inputs: Inputs, s: Sections) -> Iterator[tuple[Vectors, Vectors]]:
     network, grid = part.network(s.flow.model), working_size(part.probe, s.frames.width)
-    frames = read(part.probe, part.start, part.last_pair + 1)
+    frames = part.images(part.start, part.last_pair + 1)
     for t, (a, b) in enumerate(pairwise(frames), start=part.start):
         with part.at_frame(t):
             yield resized(network_flow(network, a, b), grid), resized(network_flow(network, b, a), grid)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from zsmoseg import settings
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
-from zsmoseg.video.frames import read
 from zsmoseg.workflows.stage import Part, Stage, working_size
 
 
@@ -41,7 +40,7 @@ class Sections:
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Frames]:
     """Decode and resize the frames of one chunk."""
     height, width = working_size(part.probe, s.frames.width)
-    images = read(part.probe, part.start, part.stop)
+    images = part.images(part.start, part.stop)
     small = [cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA) for image in images]
     yield Frames(start=part.start, stop=part.stop, image=np.asarray(np.stack(small), np.uint8))
 

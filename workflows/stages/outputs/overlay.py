@@ -16,7 +16,7 @@ from zsmoseg.errors import OutputError
 from zsmoseg.painting.numbers import paint_table
 from zsmoseg.painting.overlay import overlay
 from zsmoseg.stores import files
-from zsmoseg.video.frames import read
+from zsmoseg.video.decoding import media
 from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach
 from zsmoseg.workflows.stages.front_end import Labels
@@ -65,7 +65,7 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
 
 def _painted(part: Part, inputs: Inputs, s: Sections) -> Iterator[NDArray[np.uint8]]:
     """The coloured frames (H, W, 3)."""
-    images = read(part.probe, part.start, part.stop)
+    images = part.images(part.start, part.stop)
     for first in range(part.start, part.stop, BLOCK):
         last = min(first + BLOCK, part.stop)
         moving = moving_objects(inputs.groups, first, last)
@@ -75,7 +75,7 @@ def _painted(part: Part, inputs: Inputs, s: Sections) -> Iterator[NDArray[np.uin
 
 
 def _encode(path: Path, part: Part, images: Iterator[NDArray[np.uint8]]) -> None:
-    with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
+    with av.open(media(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
         stream = container.add_stream("libx264", rate=_rate(part.probe))
         # the encoder takes even sides only
         stream.width, stream.height = part.probe.width // 2 * 2, part.probe.height // 2 * 2

@@ -69,10 +69,15 @@ def _frame(
     names: Sequence[str],
 ) -> tuple[FrameMasks, Ids]:
     """The masks of one frame on each other, the better on top, and their categories."""
-    category, score = found.category_of[rows, 0], found.score[rows, 0]
-    denied = [n for n, name in enumerate(names) if name in s.selection.deny]
+    denied = {word.casefold() for word in s.selection.deny}
+    allowed = np.array([name.casefold() not in denied for name in names] + [False])
+    # what is denied counts for nothing, as if nobody had looked for it: the best of the others is left
+    scores = np.where(allowed[found.category_of[rows]], found.score[rows], 0.0)
+    best = scores.argmax(1)
+    each = np.arange(len(best))
+    category, score = found.category_of[rows][each, best], scores[each, best].astype(np.float32)
     kept = chosen(
-        np.where(np.isin(category, denied), 0.0, score),
+        score,
         found.quality[rows],
         found.stability[rows],
         np.array([area(mask) for mask in masks]),

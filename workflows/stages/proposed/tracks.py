@@ -18,7 +18,6 @@ from zsmoseg.tracking.by_flow import FlowTracker
 from zsmoseg.tracking.by_network import network_tracker
 from zsmoseg.tracking.protocol import Factory, Step
 from zsmoseg.tracking.spans import Followed, Moment, Spans, follow
-from zsmoseg.video.frames import read
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 from zsmoseg.workflows.stages.proposed.proposals import Proposals
@@ -79,7 +78,7 @@ class _Shot:
 def _moments(part: Part, inputs: Inputs, shot: _Shot) -> Iterator[Moment]:
     """The frames of one shot, with the masks that are proposed; one frame in memory at a time."""
     known = inputs.proposals.known
-    for t, frame in enumerate(read(part.probe, shot.start, shot.stop), start=shot.start):
+    for t, frame in enumerate(part.images(shot.start, shot.stop), start=shot.start):
         shot.at = t
         backward = forward = None
         if t > shot.start:

@@ -1,0 +1,323 @@
+"""Clusters in every state: each has its line and its end, and what was finished is kept."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from clusters import Cluster, cluster, job, kill, pretend, until
+from runs import masks, segment
+
+from zsmoseg import __version__
+from zsmoseg.errors import ClusterError
+from zsmoseg.settings import resolve
+from zsmoseg.workflows.cli import main
+from zsmoseg.workflows.cli.run import execution_options
+from zsmoseg.workflows.planning.plan import VideoPlan
+from zsmoseg.workflows.running import cluster as module
+from zsmoseg.workflows.running import local_cluster
+from zsmoseg.workflows.running.cluster import Dask
+from zsmoseg.workflows.running.jobs import Outcome
+from zsmoseg.workflows.running.request import Quiet, Report, Request
+from zsmoseg.workflows.running.run import run
+from zsmoseg.workflows.running.workers import Needs, look
+
+BRIEF = 3.0
+"""Patience where nothing is to come."""
+
+
+@pytest.fixture(scope="module")
+def idle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """A scheduler; tests start workers and kill them."""
+    with cluster(tmp_path_factory.mktemp("idle"), workers=0) as made:
+        yield made
+
+
+@pytest.fixture
+def empty(idle: Cluster) -> Iterator[Cluster]:
+    yield idle
+    idle.kill_workers()
+
+
+@pytest.fixture
+def pretending(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "run_job", pretend)
+
+
+def tries(log: Path) -> list[int]:
+    return [int(line) for line in log.read_text().split()] if log.exists() else []
+
+
+# ------------------------------------------------------------------ no workers
+def test_no_workers_from_the_start_are_waited_for_with_a_word_and_then_given_up(
+    clip: Path, empty: Cluster, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    where = ["--scheduler", str(empty.file), "--patience", str(BRIEF)]
+    code = main(["run", str(clip), "-o", str(tmp_path / "out"), *where])
+    err = capsys.readouterr().err
+    assert code == 2
+    assert f"waiting for workers of {empty.file} (3 s at most, --patience)" in err
+    (line,) = [line for line in err.splitlines() if line.startswith("zsmoseg:")]
+    assert f"no workers of {empty.file} for" in line
+    assert "start workers and run the same command again" in line
+
+
+@pytest.mark.usefixtures("pretending")
+def test_workers_that_come_late_go_and_come_again_do_all_the_work(empty: Cluster, tmp_path: Path) -> None:
+    """As with an adaptive cluster: it starts workers when a task waits for one."""
+    said: list[str] = []
+
+    def come(text: str) -> None:
+        said.append(text)
+        empty.worker()
+
+    log = tmp_path / "log"
+    with Dask(str(empty.file), patience=60, say=come) as executor:
+        for part in range(4):
+            executor.submit(job(part, log, 0.3), [], -part)
+        came = []
+        for name, outcome in executor.results():
+            came.append((name, outcome.state))
+            if len(came) == 1:
+                empty.kill_workers()
+    assert len(said) == 2
+    assert sorted(state for _, state in came) == ["done"] * 4
+    assert len({name for name, _ in came}) == 4
+
+
+@pytest.mark.usefixtures("pretending")
+def test_a_job_that_needs_a_gpu_does_not_wait_for_ever_for_one_that_is_gone(
+    empty: Cluster, tmp_path: Path
+) -> None:
+    empty.worker("--resources", "GPU=1")
+    executor = Dask(str(empty.file), patience=BRIEF)
+
+    def all_of_it() -> None:
+        with executor:
+            executor.submit(job(0, tmp_path / "log", 60.0, network=True), [], 0)
+            executor.submit(job(1, tmp_path / "other", network=False), [job(0, tmp_path).name], 0)
+            until(lambda: tries(tmp_path / "log") == [0])
+            empty.kill_workers()
+            empty.worker()
+            list(executor.results())
+
+    with pytest.raises(ClusterError, match="with a GPU"):
+        all_of_it()
+
+
+# ------------------------------------------------------------------ lost results
+@pytest.mark.usefixtures("pretending")
+@pytest.mark.parametrize("again", [True, False])
+def test_a_result_that_died_with_its_worker_is_made_again_or_given_up(
+    again: bool, empty: Cluster, tmp_path: Path
+) -> None:
+    empty.worker()
+    log = tmp_path / "log"
+
+    def all_of_it() -> list[tuple[str, Outcome]]:
+        with Dask(str(empty.file), patience=60 if again else BRIEF) as executor:
+            executor.submit(job(0, log), [], 0)
+            until(lambda: executor._futures[job(0, log).name].status == "finished")
+            empty.kill_workers()
+            if again:
+                empty.worker()
+            return list(executor.results())
+
+    if again:
+        ((_, outcome),) = all_of_it()
+        assert outcome.state == "done"
+        assert tries(log) == [0, 0]
+    else:
+        with pytest.raises(ClusterError, match=r"no workers of .* for"):
+            all_of_it()
+
+
+# ------------------------------------------------------------------ killed in the middle of a run
+class After(Quiet):
+    """Does something once, when the first parts are back."""
+
+    def __init__(self, do: Callable[[], Any]) -> None:
+        self.do, self.count = do, 0
+
+    def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
+        self.count += outcome.state == "done"
+        if self.count == 3:
+            self.do()
+
+
+@pytest.fixture(scope="module")
+def expected(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
+    root = tmp_path_factory.mktemp("expected")
+    segment(clip, root)
+    return masks(root / "out" / "disc")
+
+
+@pytest.mark.parametrize("who", ["workers", "scheduler"])
+def test_a_run_whose_cluster_is_killed_says_so_and_a_second_run_goes_on(
+    who: str, clip: Path, tmp_path: Path, expected: np.ndarray
+) -> None:
+    settings = resolve(overrides={"chunk.length": 4})
+
+    def go(made: Cluster, watcher: After) -> Report:
+        out, store = tmp_path / "out", tmp_path / "store"
+        return run(Request([str(clip)], out, store, settings, str(made.file), patience=BRIEF), watcher)
+
+    with cluster(tmp_path / who) as made:
+        report = go(made, After(made.kill_workers if who == "workers" else lambda: kill(made.scheduler)))
+    assert report.failures["disc"].startswith("not finished: ")
+    assert "run the same command again" in report.failures["disc"]
+    record = json.loads((tmp_path / "store" / "runs" / f"{report.run}.json").read_text())
+    assert record["outcome"] == "failed"
+    (tmp_path / who / "scheduler.json").unlink(missing_ok=True)
+    with cluster(tmp_path / who) as made:
+        second = After(lambda: None)
+        assert go(made, second).finished == ["disc"]
+    stages = len(second_plan(tmp_path, clip))
+    assert 0 < second.count <= stages - 3
+    np.testing.assert_array_equal(masks(tmp_path / "out" / "disc"), expected)
+
+
+def second_plan(root: Path, clip: Path) -> list[str]:
+    """All parts that a run of nothing would do."""
+    _, counter = segment(clip, root / "whole")
+    return [f"{stage} {part}" for stage, part in counter.parts]
+
+
+# ------------------------------------------------------------------ our own cluster
+def test_a_worker_that_dies_while_the_local_cluster_starts_ends_in_a_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import dask
+
+    with (
+        dask.config.set({"distributed.worker.preload": ["import os; os._exit(3)"]}),
+        pytest.raises(ClusterError, match="the local cluster did not start"),
+        Dask("local", 1),
+    ):
+        raise AssertionError("it started")
+
+
+@pytest.mark.usefixtures("pretending")
+def test_workers_of_ours_that_are_gone_for_good_are_started_again(tmp_path: Path) -> None:
+    with Dask("local", 1, patience=60) as executor:
+        executor.submit(job(0, tmp_path / "log", 0.2), [], 0)
+        executor._cluster.scale(0)
+        until(lambda: not executor._present())
+        executor.submit(job(1, tmp_path / "log"), [], 0)
+        outcomes = dict(executor.results())
+    assert [outcome.state for outcome in outcomes.values()] == ["done", "done"]
+
+
+def test_workers_of_ours_start_with_the_allocator_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MALLOC_TRIM_THRESHOLD_", raising=False)  # Dask leaves it there
+    monkeypatch.setenv("MALLOC_MMAP_THRESHOLD_", "12345678")
+    with Dask("local", 1) as executor:
+        (found,) = executor._client.run(lambda: dict(os.environ)).values()
+    assert found["MALLOC_TRIM_THRESHOLD_"] == str(local_cluster.ALLOCATOR["MALLOC_TRIM_THRESHOLD_"])
+    assert found["MALLOC_MMAP_THRESHOLD_"] == "12345678", "what the user sets wins"
+    assert found["OMP_NUM_THREADS"] == "1"
+
+
+# ------------------------------------------------------------------ workers that cannot do the work
+@pytest.mark.parametrize(
+    ("package", "problem"),
+    [
+        ('__version__ = "0.0.1"', "has zsmoseg 0.0.1, this is"),
+        ('raise ImportError("no numba here")', "cannot load zsmoseg"),
+        (f"__version__ = {__version__!r}", "has another zsmoseg"),
+    ],
+)
+def test_a_worker_with_another_package_is_named_before_work_starts(
+    package: str,
+    problem: str,
+    clip: Path,
+    empty: Cluster,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "other" / "zsmoseg").mkdir(parents=True)
+    (tmp_path / "other" / "zsmoseg" / "__init__.py").write_text(package)
+    empty.worker("--name", "odd", first=[tmp_path / "other"])
+    code = main(["run", str(clip), "-o", str(tmp_path / "out"), "--scheduler", str(empty.file)])
+    (line,) = [x for x in capsys.readouterr().err.splitlines() if x.startswith("zsmoseg:")]
+    assert code == 2
+    assert "1 of 1 workers cannot do this work: odd (tcp://127.0.0.1:" in line
+    assert problem in line
+    assert not list((tmp_path / "out").rglob("*.png"))
+
+
+def needs(root: Path) -> Needs:
+    for name in ("store", "out"):
+        (root / name).mkdir()
+    (root / "store" / "record.json").write_text("{}")
+    (root / "a.mp4").write_bytes(b"x")
+    return Needs.of(
+        root / "store", root / "store" / "record.json", [str(root / "a.mp4")], [str(root / "out")]
+    )
+
+
+def test_a_worker_that_sees_all_has_no_problem_and_leaves_nothing(tmp_path: Path) -> None:
+    wanted = needs(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    assert look(wanted) is None
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("gone", "problem"),
+    [
+        ("store/record.json", "does not see the store"),
+        ("a.mp4", "cannot read the source"),
+        ("out", "cannot write in"),
+    ],
+)
+def test_what_a_worker_does_not_see_is_named(
+    gone: str, problem: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("zsmoseg.workflows.running.workers.LATE", 1)
+    wanted = needs(tmp_path)
+    (tmp_path / gone).rename(tmp_path / "elsewhere")
+    found = look(wanted)
+    assert found is not None
+    assert problem in found
+    assert gone.split("/")[0] in found
+
+
+def test_of_many_sources_a_sample_is_looked_at(tmp_path: Path) -> None:
+    assert len(Needs.of(tmp_path, tmp_path, [str(n) for n in range(10_000)], []).sources) <= 64
+
+
+# ------------------------------------------------------------------ which cluster
+def test_the_address_in_the_environment_is_the_default_and_the_option_wins(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def chosen(*words: str) -> str:
+        parser = argparse.ArgumentParser()
+        execution_options(parser)
+        return str(parser.parse_args(words).scheduler)
+
+    monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
+    assert chosen() == "local"
+    monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", "tcp://there:8786")
+    assert chosen() == "tcp://there:8786"
+    assert chosen("--scheduler", "serial") == "serial"
+
+
+def test_nobody_answers_at_an_address(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "CONNECT", 1.0)
+    where = ["--scheduler", "tcp://127.0.0.1:9"]
+    assert main(["run", str(clip), "-o", str(tmp_path / "out"), *where]) == 2
+    assert "no Dask scheduler answers there" in capsys.readouterr().err
+
+
+def test_a_scheduler_file_that_never_comes(tmp_path: Path) -> None:
+    with pytest.raises(ClusterError, match="no scheduler file"), Dask(str(tmp_path / "s.json"), patience=1):
+        raise AssertionError("it started")
