@@ -23,11 +23,13 @@ from zsmoseg.video.plain_names import parts_of
 
 SHOWN = 80
 """Characters of a name in an error."""
+TRIES = 5
+"""Times that another process may take a name away, or give it, while a file is made."""
 STALE = 3600.0
 """Seconds after which an unfinished file is a leftover of a process that is gone."""
 
 
-TMP = re.compile(r"\.[0-9a-f]{32}\.tmp")
+TMP = re.compile(r"\.(.+\.)?[0-9a-f]{32}\.tmp")
 """Names of unfinished files."""
 
 
@@ -57,12 +59,12 @@ def below(root: Path, name: object, error: type[ZsmosegError] = StoreError, *, o
     except ValueError as why:
         shown = name[:SHOWN] if isinstance(name, str) else name
         raise error(f"{root}: the name {shown!r} {why}; nothing is read or written there") from why
-    path = root
+    path = str(root)
     for part in parts:
-        path = path / part
-        if is_link(path):
+        path = os.path.join(path, part)
+        if os.path.islink(path):
             raise error(f"{path}: is a link, and zsmoseg makes and follows none here; remove it")
-    return path
+    return Path(path)
 
 
 def absolute(path: Path) -> str:
@@ -118,14 +120,14 @@ def size(path: Path) -> int | None:
 
 
 def stamp(path: Path) -> str | None:
-    """What changes whenever a file is written, moved or touched; None where there is none, or a link."""
+    """Size of a file, and what changes whenever it is written, moved or touched; None where there is none, or a link."""
     try:
-        found = path.lstat()
+        found = os.lstat(path)
     except OSError:
         return None
     if not stat.S_ISREG(found.st_mode):
         return None
-    return f"{found.st_mtime_ns}-{found.st_ctime_ns}-{found.st_ino}"
+    return f"{found.st_size}-{found.st_mtime_ns}-{found.st_ctime_ns}-{found.st_ino}"
 
 
 def crc32(content: bytes) -> int:
@@ -221,12 +223,13 @@ def write(path: Path, content: bytes) -> None:
 
 def _made(path: Path) -> BinaryIO:
     """A file to write; what has its name gives way: nothing is written into a file or link that is there."""
-    try:
-        return path.open("xb")
-    except FileExistsError:
-        path.unlink()
-    except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    for _ in range(TRIES):
+        try:
+            return path.open("xb")
+        except FileExistsError:
+            path.unlink(missing_ok=True)
+        except FileNotFoundError:
+            path.parent.mkdir(parents=True, exist_ok=True)
     return path.open("xb")
 
 

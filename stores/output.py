@@ -97,10 +97,8 @@ class Output:
             if entry["key"] != key:
                 return f"{name} is of other settings"
             path = files.below(self.path, name, OutputError)
-            if files.size(path) is None:
-                return f"{name} is gone"
             if _differs(path, entry):
-                return f"{name} was changed"
+                return f"{name} is gone" if files.size(path) is None else f"{name} was changed"
         return None
 
     def damages(self) -> Iterator[tuple[str, str]]:
@@ -153,12 +151,10 @@ class Output:
 
 def _differs(path: Path, entry: dict[str, Any], deep: bool = False) -> bool:
     """Whether a file is not as its entry says; one that is notes its new stamp, so that it is read only once."""
-    if files.size(path) != entry["size"]:
-        return True
     stamp = files.stamp(path)
     if not deep and stamp == entry["stamp"]:
         return False
-    content = None if stamp is None else files.read(path)
+    content = files.read(path) if stamp and files.size(path) == entry["size"] else None
     if content is None or files.crc32(content) != entry["crc32"]:
         return True
     entry["stamp"] = stamp

@@ -13,6 +13,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 from conftest import draw_clip, write_folder
@@ -22,11 +23,13 @@ from PIL import Image
 from zsmoseg.errors import FormatError, VideoError
 from zsmoseg.formats import open_depth, open_flow, open_masks
 from zsmoseg.formats.names import frame_number
+from zsmoseg.video import decoding
 from zsmoseg.video.bounds import PIXELS, SIDE, TooLarge, check_size
 from zsmoseg.video.pixels import image_size, pixels
 from zsmoseg.video.probe import Excerpt, Probe, probe
 from zsmoseg.workflows.stage import SMALLEST, working_size
 
+EXCERPT = Excerpt("", "", 1, 25.0, False)
 NAN, INFINITY = float("nan"), float("inf")
 
 
@@ -124,7 +127,7 @@ def test_an_image_that_states_too_large_a_size_is_no_frame(width: int, height: i
     write_folder(tmp_path / "clip", draw_clip(0, 3)[0])
     png(tmp_path / "clip" / "00001.png", width, height)
     with pytest.raises(VideoError, match=r"00001\.png: is"):
-        probe(str(tmp_path / "clip"), Excerpt("", "", 1, 25.0, False))
+        probe(str(tmp_path / "clip"), EXCERPT)
 
 
 def test_a_jpeg_that_states_too_large_a_size_is_not_decoded(tmp_path: Path) -> None:
@@ -142,8 +145,6 @@ def test_a_jpeg_that_states_too_large_a_size_is_not_decoded(tmp_path: Path) -> N
 def test_a_video_file_that_states_too_large_a_size_is_refused_before_a_frame_is_decoded(
     tmp_path: Path,
 ) -> None:
-    import av
-
     path = tmp_path / "clip.avi"
     with av.open(str(path), "w", format="avi") as container:
         stream = container.add_stream("mpeg4", rate=25)
@@ -155,7 +156,25 @@ def test_a_video_file_that_states_too_large_a_size_is_refused_before_a_frame_is_
         for packet in stream.encode(None):
             container.mux(packet)
     with pytest.raises(VideoError, match=r"clip\.avi: is 2048 px wide and 16 px high; one side"):
-        probe(str(path), Excerpt("", "", 1, 25.0, False))
+        probe(str(path), EXCERPT)
+
+
+def test_ffmpeg_makes_no_frame_beyond_the_bound_whatever_the_stream_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "clip.mp4"
+    with av.open(str(path), "w", format="mp4") as container:
+        stream = container.add_stream("mpeg4", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 128, 96, "yuv420p"
+        for image in draw_clip(0, 3, 96, 128)[0]:
+            for packet in stream.encode(av.VideoFrame.from_ndarray(image, "bgr24")):
+                container.mux(packet)
+        for packet in stream.encode(None):
+            container.mux(packet)
+    assert len(probe(str(path), EXCERPT).pts) == 3
+    monkeypatch.setitem(decoding.LIMIT, "max_pixels", str(128 * 96 - 1))
+    with pytest.raises(VideoError, match="cannot be decoded"):
+        probe(str(path), EXCERPT)
 
 
 # ---------------------------------------------------------------------- masks, flow, depth

@@ -14,6 +14,8 @@ LONGEST = 255
 """Bytes of a name, as file systems have it."""
 KEPT = 120
 """Bytes that are kept of a name that is made here: endings and the names of several folders still fit."""
+SIMPLE = re.compile(r"[\w+-][\w.+-]*(/[\w+-][\w.+-]*)*")
+"""Names of which nothing more has to be looked at."""
 
 
 def parts_of(name: object) -> tuple[str, ...]:
@@ -26,6 +28,8 @@ def parts_of(name: object) -> tuple[str, ...]:
     """
     if not isinstance(name, str):
         raise ValueError("is no text")
+    if len(name) < LONGEST // 4 and SIMPLE.fullmatch(name):
+        return tuple(name.split("/"))
     path = PurePosixPath(name)
     if not path.parts:
         raise ValueError("is empty")
