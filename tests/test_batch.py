@@ -99,7 +99,7 @@ def test_every_video_is_in_exactly_one_share_whatever_the_order(n: int, store: S
 
 
 def remember(store: Store, outcome: str | None, failures: dict[str, str], *names: str) -> None:
-    record = RunRecord.begin(store, {}, {name: {} for name in names})
+    record = RunRecord.begin(store, {}, {name: {"video": f"{name}-1", "keys": {}} for name in names})
     if outcome:
         record.end(outcome, failures, {})
 

@@ -230,7 +230,10 @@ def test_workers_of_ours_start_with_the_allocator_set(monkeypatch: pytest.Monkey
     [
         ('__version__ = "0.0.1"', "has zsmoseg 0.0.1, this is"),
         ('raise ImportError("no numba here")', "cannot load zsmoseg"),
-        (f"__version__ = {__version__!r}", "has another zsmoseg"),
+        (
+            f"__version__ = {__version__!r}\nimport sys\nsys.modules['zsmoseg.workflows'] = None",
+            "has another zsmoseg",
+        ),
     ],
 )
 def test_a_worker_with_another_package_is_named_before_work_starts(
