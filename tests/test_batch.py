@@ -300,7 +300,10 @@ def test_a_disk_that_refuses_a_file_of_one_video_fails_that_video_only(
         whole(path, content, sync)
 
     monkeypatch.setattr(files, "write_whole", refusing)
-    if (name, code) == (".zsmoseg.json", errno.ENOSPC):  # a full disk before anything is started is everybody's
+    if (name, code) == (
+        ".zsmoseg.json",
+        errno.ENOSPC,
+    ):  # a full disk before anything is started is everybody's
         with pytest.raises(SpaceError, match="no space left"):
             batch(tmp_path)
         return

@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -28,6 +31,7 @@ from zsmoseg.workflows.running.request import Quiet, Report, Request
 from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.running.workers import Needs, look
 
+ROOT = Path(__file__).parents[1]
 BRIEF = 3.0
 """Patience where nothing is to come."""
 
@@ -138,6 +142,41 @@ def test_a_result_that_died_with_its_worker_is_made_again_or_given_up(
             all_of_it()
 
 
+@pytest.mark.usefixtures("pretending")
+@pytest.mark.parametrize("wakes", [True, False])
+def test_a_scheduler_that_does_not_answer_is_waited_for_and_then_given_up(
+    wakes: bool, empty: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "CLOSING", 0.2)
+    empty.worker()
+    said: list[str] = []
+
+    def note(text: str) -> None:
+        said.append(text)
+        if wakes:
+            empty.scheduler.send_signal(signal.SIGCONT)
+
+    def all_of_it() -> list[tuple[str, Outcome]]:
+        monkeypatch.setattr(module, "CONNECT", 10.0)
+        with Dask(str(empty.file), patience=60 if wakes else BRIEF, say=note) as executor:
+            executor.submit(job(0, tmp_path / "log", 0.5), [], 0)
+            until(lambda: tries(tmp_path / "log") == [0])
+            monkeypatch.setattr(module, "CONNECT", 1.0)
+            said.clear()
+            empty.scheduler.send_signal(signal.SIGSTOP)
+            return list(executor.results())
+
+    try:
+        if wakes:
+            assert [outcome.state for _, outcome in all_of_it()] == ["done"]
+        else:
+            with pytest.raises(ClusterError, match="no answer of the scheduler"):
+                all_of_it()
+    finally:
+        empty.scheduler.send_signal(signal.SIGCONT)
+    assert len(said) == 1
+
+
 # ------------------------------------------------------------------ killed in the middle of a run
 class After(Quiet):
     """Does something once, when the first parts are back."""
@@ -230,7 +269,10 @@ def test_workers_of_ours_start_with_the_allocator_set(monkeypatch: pytest.Monkey
     [
         ('__version__ = "0.0.1"', "has zsmoseg 0.0.1, this is"),
         ('raise ImportError("no numba here")', "cannot load zsmoseg"),
-        (f"__version__ = {__version__!r}", "has another zsmoseg"),
+        (
+            f"__version__ = {__version__!r}\nimport sys\nsys.modules['zsmoseg.workflows'] = None",
+            "has another zsmoseg",
+        ),
     ],
 )
 def test_a_worker_with_another_package_is_named_before_work_starts(
@@ -245,7 +287,8 @@ def test_a_worker_with_another_package_is_named_before_work_starts(
     (tmp_path / "other" / "zsmoseg" / "__init__.py").write_text(package)
     empty.worker("--name", "odd", first=[tmp_path / "other"])
     code = main(["run", str(clip), "-o", str(tmp_path / "out"), "--scheduler", str(empty.file)])
-    (line,) = [x for x in capsys.readouterr().err.splitlines() if x.startswith("zsmoseg:")]
+    err = capsys.readouterr().err
+    (line,) = [x for x in err.splitlines() if x.startswith("zsmoseg:")] or [err]
     assert code == 2
     assert "1 of 1 workers cannot do this work: odd (tcp://127.0.0.1:" in line
     assert problem in line
@@ -321,3 +364,40 @@ def test_nobody_answers_at_an_address(
 def test_a_scheduler_file_that_never_comes(tmp_path: Path) -> None:
     with pytest.raises(ClusterError, match="no scheduler file"), Dask(str(tmp_path / "s.json"), patience=1):
         raise AssertionError("it started")
+
+
+# ------------------------------------------------------------------ the docs
+SRUN = """#!/bin/sh
+"$@" --host 127.0.0.1 & first=$!
+"$@" --host 127.0.0.1 & second=$!
+trap 'kill $first $second' TERM
+wait
+"""
+"""Two tasks on this machine."""
+
+
+def test_the_slurm_script_in_the_docs_runs(clip: Path, tmp_path: Path) -> None:
+    docs = (ROOT / "docs" / "cluster.md").read_text()
+    script = docs.split("<!-- tests/test_cluster.py")[1].split("```bash\n")[1].split("```")[0]
+    zsmoseg = f'#!/bin/sh\nexec {sys.executable} -c "from zsmoseg.workflows.cli import main as m; raise SystemExit(m())" "$@"\n'
+    dask = f'#!/bin/sh\nexec {sys.executable} -m dask "$@"\n'
+    for name, text in (("srun", SRUN), ("zsmoseg", zsmoseg), ("dask", dask), ("job.sh", script)):
+        (tmp_path / name).write_text(text)
+        (tmp_path / name).chmod(0o755)
+    given = {
+        "PATH": f"{tmp_path}:{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT),
+        "SLURM_JOB_ID": "7",
+        "ZSMOSEG_DATA": str(clip),
+        "ZSMOSEG_OUT": str(tmp_path / "out"),
+        "ZSMOSEG_STORE": str(tmp_path / "store"),
+    }
+    found = subprocess.run(
+        ["bash", "job.sh"], cwd=tmp_path, env=os.environ | given, capture_output=True, text=True, timeout=120
+    )
+    assert found.returncode == 0, found.stderr
+    assert (tmp_path / "out" / "disc" / "summary.json").exists()
+    kinds = [json.loads(line)["event"] for line in (tmp_path / "events-7.jsonl").read_text().splitlines()]
+    assert kinds[0] == "planned"
+    assert kinds[-2:] == ["finished", "ended"]
+    assert not (tmp_path / "scheduler-7.json").exists()
