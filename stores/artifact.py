@@ -85,7 +85,7 @@ class Artifact:
     @property
     def records(self) -> Path:
         """The folder of what is not Zarr."""
-        return self.path / RECORDS
+        return files.below(self.path, RECORDS)
 
     @property
     def laid_out(self) -> dict[str, Any]:
@@ -133,7 +133,7 @@ class Artifact:
     def shard(self, name: str, part: int) -> Path:
         """The file that holds a part of a video array."""
         dimensions = len(self.laid_out["arrays"][name]["dims"])
-        return self.path.joinpath(name, "c", str(part), *["0"] * (dimensions - 1))
+        return files.below(self.path, "/".join([name, "c", str(part), *["0"] * (dimensions - 1)]))
 
     def part(self, part: int) -> PartRecord | None:
         """The record of a part; None where it is missing or damaged."""
@@ -152,7 +152,7 @@ class Artifact:
     def metadata(self) -> Iterator[tuple[Path, bytes]]:
         """The metadata files of the video arrays, and what they have to hold."""
         for name, content in self.laid_out.get("layout", {}).items():
-            yield self.path / name / "zarr.json", json.dumps(content, indent=2).encode()
+            yield files.below(self.path, f"{name}/zarr.json"), json.dumps(content, indent=2).encode()
 
     def unseal(self) -> None:
         """Take back that the whole is done, then its face for readers."""

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.records import checksum, recall_record
+from zsmoseg.video.plain_names import stays
 
 Expected = Mapping[str, Mapping[str, int]]
 """``size`` and ``crc32`` of files, by path relative to the artifact."""
@@ -51,6 +53,9 @@ def wrong_sizes(
     """Which of the files ``names`` have not the size that is ``expected``."""
     found = []
     for name in names:
+        if not stays(name):
+            found.append(Damage(_record(artifact, part), part, f"names {name!r}, which is no file of it"))
+            continue
         size = expected[name]["size"] if name in expected else None
         actual = files.size(artifact.path / name)
         if size is None:
@@ -62,13 +67,20 @@ def wrong_sizes(
     return found
 
 
+def _record(artifact: Artifact, part: int | None) -> Path:
+    return artifact.records / "done.json" if part is None else artifact.record_path(part)
+
+
 def wrong_content(
     artifact: Artifact, part: int | None, expected: Expected, names: Iterable[str]
 ) -> list[Damage]:
     """Which of the files ``names`` have another checksum than is ``expected``."""
     found = []
     for name in names:
-        content = files.read(artifact.path / name)
+        try:
+            content = files.read(files.below(artifact.path, name))
+        except StoreError:
+            content = None
         if content is None or name not in expected or files.crc32(content) != expected[name]["crc32"]:
             found.append(Damage(artifact.path / name, part, "has other content than was written"))
     return found
@@ -105,5 +117,6 @@ def _check_part(artifact: Artifact, part: int, done: Mapping[str, Any] | None, d
 
 def _check_files(artifact: Artifact, part: int | None, expected: Expected, deep: bool) -> list[Damage]:
     wrong = wrong_sizes(artifact, part, expected, expected)
-    healthy = set(expected) - {damage.path.relative_to(artifact.path).as_posix() for damage in wrong}
+    healthy = set(filter(stays, expected))
+    healthy -= {damage.path.relative_to(artifact.path).as_posix() for damage in wrong}
     return wrong + (wrong_content(artifact, part, expected, sorted(healthy)) if deep else [])

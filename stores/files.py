@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
+import stat
 import time
 import uuid
 import zlib
@@ -16,10 +18,63 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from zsmoseg.errors import SpaceError
+from zsmoseg.errors import SpaceError, StoreError, ZsmosegError
+from zsmoseg.video.plain_names import parts_of
 
+SHOWN = 80
+"""Characters of a name in an error."""
+TRIES = 5
+"""Times that another process may take a name away, or give it, while a file is made."""
 STALE = 3600.0
 """Seconds after which an unfinished file is a leftover of a process that is gone."""
+
+
+TMP = re.compile(r"\.(.+\.)?[0-9a-f]{32}\.tmp")
+"""Names of unfinished files."""
+
+
+def below(root: Path, name: object, error: type[ZsmosegError] = StoreError, *, one: bool = False) -> Path:
+    """The path of ``name`` below ``root``: the only way from a name that comes from data to a path.
+
+    What lies above ``root``, and ``root`` itself, may be links: whoever named it chose them.
+
+    Parameters
+    ----------
+    name
+        A relative path with ``/``.
+    error
+        What is raised.
+    one
+        Whether it has to be one file or folder in ``root``.
+
+    Raises
+    ------
+    ZsmosegError
+        If the name leaves ``root`` or is no name, or a part of the path below ``root`` is a link: we make none.
+    """
+    try:
+        parts = parts_of(name)
+        if one and len(parts) > 1:
+            raise ValueError("has a /")
+    except ValueError as why:
+        shown = name[:SHOWN] if isinstance(name, str) else name
+        raise error(f"{root}: the name {shown!r} {why}; nothing is read or written there") from why
+    path = str(root)
+    for part in parts:
+        path = os.path.join(path, part)
+        if os.path.islink(path):
+            raise error(f"{path}: is a link, and zsmoseg makes and follows none here; remove it")
+    return Path(path)
+
+
+def absolute(path: Path) -> str:
+    """The path from the root of the file system, as records remember it."""
+    return str(path.absolute())
+
+
+def is_link(path: Path) -> bool:
+    """Whether there is a symbolic link."""
+    return os.path.islink(path)
 
 
 def read(path: Path) -> bytes | None:
@@ -51,14 +106,28 @@ def is_folder(path: Path) -> bool:
 
 
 def size(path: Path) -> int | None:
-    """Size of a file in bytes, or of all files below a folder; None where there is nothing."""
+    """Size of a file in bytes, or of all files below a folder; None where there is nothing.
+
+    Of a link it is that of the link.
+    """
     try:
-        found = path.stat()
+        found = path.lstat()
     except OSError:
         return None
-    if not path.is_dir():
+    if not stat.S_ISDIR(found.st_mode):
         return found.st_size
     return sum(size(inside) or 0 for inside in path.iterdir())
+
+
+def stamp(path: Path) -> str | None:
+    """Size of a file, and what changes whenever it is written, moved or touched; None where there is none, or a link."""
+    try:
+        found = os.lstat(path)
+    except OSError:
+        return None
+    if not stat.S_ISREG(found.st_mode):
+        return None
+    return f"{found.st_size}-{found.st_mtime_ns}-{found.st_ctime_ns}-{found.st_ino}"
 
 
 def crc32(content: bytes) -> int:
@@ -80,8 +149,10 @@ def signature(path: Path) -> tuple[int, int, int] | None:
 
 
 def folders(path: Path) -> list[Path]:
-    """The folders in a folder, in order of their names; none where there is no folder."""
-    return sorted(inside for inside in path.iterdir() if inside.is_dir()) if path.is_dir() else []
+    """The folders in a folder, in order of their names; none where there is no folder. Links are none."""
+    if not path.is_dir():
+        return []
+    return sorted(inside for inside in path.iterdir() if inside.is_dir() and not inside.is_symlink())
 
 
 def matching(path: Path, pattern: str) -> list[Path]:
@@ -94,6 +165,17 @@ def inside(path: Path) -> list[Path]:
     return sorted(path.iterdir()) if path.is_dir() else []
 
 
+def tree(path: Path) -> list[str]:
+    """What is below a folder, by relative path: files and links, which are not followed; no unfinished files."""
+    found = []
+    for folder, folders, names in os.walk(path):
+        links = [name for name in folders if os.path.islink(os.path.join(folder, name))]
+        for name in [*names, *links]:
+            if not TMP.fullmatch(name):
+                found.append((Path(folder) / name).relative_to(path).as_posix())
+    return sorted(found)
+
+
 def make_folder(path: Path) -> None:
     """Make a folder, and those above it."""
     path.mkdir(parents=True, exist_ok=True)
@@ -101,7 +183,7 @@ def make_folder(path: Path) -> None:
 
 def touch(path: Path) -> None:
     """Note that a file is used now."""
-    os.utime(path)
+    os.utime(path, follow_symlinks=False)
 
 
 def zarr_store(path: Path) -> Any:
@@ -135,11 +217,20 @@ def move(path: Path, to: Path) -> bool:
 
 def write(path: Path, content: bytes) -> None:
     """Write a file, and its folders. For files that count for nothing before a record names them."""
-    try:
-        path.write_bytes(content)
-    except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
+    with _made(path) as file:
+        file.write(content)
+
+
+def _made(path: Path) -> BinaryIO:
+    """A file to write; what has its name gives way: nothing is written into a file or link that is there."""
+    for _ in range(TRIES):
+        try:
+            return path.open("xb")
+        except FileExistsError:
+            path.unlink(missing_ok=True)
+        except FileNotFoundError:
+            path.parent.mkdir(parents=True, exist_ok=True)
+    return path.open("xb")
 
 
 @contextmanager
@@ -151,7 +242,7 @@ def appearing(path: Path) -> Iterator[Path]:
     OSError
         If the disk is full or the folder closed.
     """
-    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+    partial = path.with_name(f".{uuid.uuid4().hex}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield partial
@@ -168,7 +259,7 @@ def write_whole(path: Path, content: bytes, sync: bool = False) -> None:
     SpaceError
         If the disk is full.
     """
-    with full_disk_in_words(path), appearing(path) as partial, partial.open("wb") as file:
+    with full_disk_in_words(path), appearing(path) as partial, partial.open("xb") as file:
         file.write(content)
         if sync:
             file.flush()
@@ -191,8 +282,7 @@ class Appended:
     def add(self, content: bytes) -> int:
         """Write a piece; where it begins."""
         if self._file is None:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = self.path.open("wb")
+            self._file = _made(self.path)
         self._file.write(content)
         begin, self.size = self.size, self.size + len(content)
         self.crc32 = zlib.crc32(content, self.crc32)
@@ -211,6 +301,18 @@ def entry(path: Path) -> dict[str, int]:
     return {"size": len(content), "crc32": crc32(content)}
 
 
+def noted(path: Path, content: bytes | None = None) -> dict[str, Any]:
+    """Size, checksum and stamp of a file that is finished; ``content``: what it has to hold, else what it holds."""
+    found = path.read_bytes() if content is None else content
+    return {"size": len(found), "crc32": crc32(found), "stamp": stamp(path)}
+
+
+def write_noted(path: Path, content: bytes) -> dict[str, Any]:
+    """``write_whole``, then ``noted``."""
+    write_whole(path, content)
+    return noted(path, content)
+
+
 def remove(path: Path) -> None:
     """Remove a file or a folder with all that is in it, if it is there."""
     if path.is_dir() and not path.is_symlink():
@@ -223,7 +325,7 @@ def leftovers(path: Path, everywhere: bool = True) -> list[Path]:
     """Unfinished files in a folder (and below it: ``everywhere``) that are old enough to be nobody's."""
     oldest = time.time() - STALE
     walk = path.rglob if everywhere else path.glob
-    found = [file for end in ("partial", "tmp") for file in walk(f"*.{end}")]
+    found = [file for end in ("partial", "tmp") for file in walk(f"*.{end}") if not file.is_symlink()]
     old = [file for file in found if (seen := signature(file)) and seen[0] / 1e9 < oldest]
     return sorted(file for file in old if file.is_file())
 

@@ -48,7 +48,7 @@ class VideoFolder:
 
     def artifact(self, stage: str, key: str) -> Artifact:
         """The artifact of a stage; it need not exist."""
-        return Artifact(self.path / stage / key)
+        return Artifact(files.below(self.path, f"{stage}/{key}"))
 
     def artifacts(self) -> Iterator[Artifact]:
         """All of them."""
@@ -113,7 +113,7 @@ class Store:
         try:
             if not marked:
                 write_json(self.path / MARK, {"format": FORMAT})
-            for folder in (self.path, self.runs, self.path / "fingerprints"):
+            for folder in (self.path, self.runs, files.below(self.path, "fingerprints")):
                 for leftover in files.leftovers(folder, everywhere=False):
                     files.remove(leftover)
         except OSError as error:
@@ -124,7 +124,7 @@ class Store:
     @property
     def runs(self) -> Path:
         """Where the records of runs are."""
-        return self.path / "runs"
+        return files.below(self.path, "runs")
 
     # ------------------------------------------------------------------ videos
     def videos(self) -> list[str]:
@@ -133,7 +133,7 @@ class Store:
 
     def video(self, video: str) -> VideoFolder:
         """The folder of a video; it need not exist."""
-        return VideoFolder(self.path / video)
+        return VideoFolder(files.below(self.path, video, one=True))
 
     def video_id(self, name: str, fingerprint: str) -> str:
         """The id of a video: that of the folder it has, whatever its name was then, else a new one."""
@@ -173,7 +173,7 @@ class Store:
         Damaged entries are computed again. Nothing is kept where no store was made yet (``--dry-run``).
         """
         name = hashlib.blake2b(signature.encode(), digest_size=10).hexdigest()
-        path = self.path / "fingerprints" / f"{name}.json"
+        path = files.below(self.path, f"fingerprints/{name}.json")
         known = read_record(path)
         if known is not None:
             return str(known["fingerprint"])

@@ -1,20 +1,31 @@
-"""The output folder of one video: the files that a run wrote there, their sizes, and whose they are.
+"""The output folder of one video: the files that a run wrote there, what is in them, and whose they are.
 
-``.zsmoseg.json`` lists them. A run repaints what is missing or differs, removes only files on the list,
-and refuses a folder that it did not make.
+``.zsmoseg.json`` lists them, with sizes and checksums. A run repaints what is missing or differs, removes only files
+on the list, and refuses a folder that it did not make. A list that was lost is made again, with all that it listed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from zsmoseg.errors import OutputError
 from zsmoseg.stores import files
-from zsmoseg.stores.records import read_json, write_json
+from zsmoseg.stores.checks import Damage
+from zsmoseg.stores.location import Store
+from zsmoseg.stores.records import read_json, read_record, write_record
+from zsmoseg.stores.runs import outputs
+from zsmoseg.video.plain_names import stays
 
 LIST = ".zsmoseg.json"
+SUMMARY, STATES = "summary.json", "motion.csv"
+"""What a run leaves beside the files of the stages."""
+DIGITS = 16
+"""Of the fingerprint of a video, at the end of its id."""
+ENTRY = {"size": int, "crc32": int, "stamp": str, "key": str}
+"""What the list has of each file."""
 
 
 class Output:
@@ -23,44 +34,85 @@ class Output:
     def __init__(self, path: str | Path, video: str) -> None:
         self.path = Path(path)
         self.video = video
-        listed = read_json(self.path / LIST) or {}
-        self.owner: str | None = listed.get("video")
-        self.files: dict[str, dict[str, Any]] = dict(listed.get("files", {}))
-        self.stages: dict[str, dict[str, Any]] = dict(listed.get("stages", {}))
+        listed = _read_list(self.path / LIST)
+        self.listed = listed is not None
+        content = listed or {"video": None, "files": {}, "stages": {}}
+        self.owner: str | None = content["video"]
+        self.files: dict[str, dict[str, Any]] = content["files"]
+        self.stages: dict[str, dict[str, Any]] = content["stages"]
 
-    def refuse_foreign(self) -> None:
-        """Raise ``OutputError`` if the folder is not ours to write in."""
-        for parent in self.path.parents:
-            if files.exists(parent) and not files.is_folder(parent):
-                raise OutputError(f"{parent}: is a file; give another output folder (-o)")
-        if not files.exists(self.path):
-            return
-        if not files.is_folder(self.path):
-            raise OutputError(f"{self.path}: is a file; give another output folder (-o)")
-        if not files.exists(self.path / LIST) and files.inside(self.path):
-            raise OutputError(
-                f"{self.path}: was not made by zsmoseg and is not empty; give another output folder (-o)"
-            )
+    def refuse_foreign(self, ours: Iterable[str] = (), store: Store | None = None) -> None:
+        """Raise ``OutputError`` if the folder is not ours to write in.
+
+        Parameters
+        ----------
+        ours
+            What will be written there.
+        store
+            Where a folder that lost its list may be known from: it is ours if it holds nothing but ``ours``.
+        """
+        for path in (self.path, self.path.parent):
+            if files.is_link(path):
+                raise OutputError(f"{path}: is a link; give the folder itself as output folder (-o)")
+        for path in (self.path, *self.path.parents):
+            if files.exists(path) and not files.is_folder(path):
+                raise OutputError(f"{path}: is a file; give another output folder (-o)")
         if self.owner not in (None, self.video) and self.files:
             raise OutputError(
                 f"{self.path}: holds the result of another source ({self.owner}, this is {self.video}); "
                 "give another output folder (-o) or remove it"
             )
+        if self.listed or not files.exists(self.path):
+            return
+        known = self._known(store)
+        strange = sorted(set(files.tree(self.path)) - {LIST} - (set(ours) if known else set()))
+        if strange and known:
+            raise OutputError(
+                f"{self.path}: its list {LIST} is lost or damaged, and it holds {strange[0]}, which this run would "
+                "not write; take that out of it, or give another output folder (-o)"
+            )
+        if strange:
+            raise OutputError(
+                f"{self.path}: was not made by zsmoseg and is not empty; give another output folder (-o)"
+            )
+
+    def _known(self, store: Store | None) -> bool:
+        """Whether a folder without a list was this video's: by a list that is damaged, the summary, or the runs."""
+        if files.exists(self.path / LIST) and not files.is_link(self.path / LIST):
+            return True
+        fingerprint = str((read_json(self.path / SUMMARY) or {}).get("fingerprint"))
+        if fingerprint[:DIGITS] == self.video[-DIGITS:]:
+            return True
+        return store is not None and outputs(store).get(files.absolute(self.path)) == self.video
 
     def problem(self, names: Iterable[str], key: str) -> str | None:
-        """Why the files ``names`` cannot stay as they are: missing, of other size, of another key."""
+        """Why the files ``names`` cannot stay as they are: missing, of other content, of another key.
+
+        A file that nobody touched since it was written is not read again; ``damages`` reads them all.
+        """
         for name in names:
             entry = self.files.get(name)
             if entry is None:
                 return f"{name} not written yet"
             if entry["key"] != key:
                 return f"{name} is of other settings"
-            size = files.size(self.path / name)
-            if size is None:
-                return f"{name} is gone"
-            if size != entry["size"]:
-                return f"{name} was changed"
+            path = files.below(self.path, name, OutputError)
+            if _differs(path, entry):
+                return f"{name} is gone" if files.size(path) is None else f"{name} was changed"
         return None
+
+    def damages(self) -> Iterator[tuple[str, str]]:
+        """Files that are not as they were written: the name, and what is wrong. All of them are read."""
+        for name, entry in self.files.items():
+            try:
+                path = files.below(self.path, name, OutputError)
+            except OutputError:
+                yield name, "is or lies behind a link"
+                continue
+            if files.size(path) is None:
+                yield name, "is missing"
+            elif _differs(path, entry, deep=True):
+                yield name, "has other content than was written"
 
     def claim(self, stages: Mapping[str, Mapping[str, Any]]) -> None:
         """Make the folder, put our name on it and what the ``stages`` are about to leave, before the first file."""
@@ -68,23 +120,86 @@ class Output:
         self.stages.update({name: dict(about) for name, about in stages.items()})
         self._write()
 
-    def add(self, sizes: Mapping[str, int], key: str) -> None:
-        """Note files that are written."""
-        self.files.update({name: {"size": size, "key": key} for name, size in sizes.items()})
+    def add(self, entries: Mapping[str, Mapping[str, Any]], key: str) -> None:
+        """Note files that are written: what ``files.noted`` says of each."""
+        self.files.update({name: {**entry, "key": key} for name, entry in entries.items()})
         self._write()
 
     def write(self, name: str, content: bytes, key: str) -> None:
         """Write a file, whole or not at all, and note it."""
-        files.write_whole(self.path / name, content)
-        self.add({name: len(content)}, key)
+        self.add({name: files.write_noted(files.below(self.path, name, OutputError), content)}, key)
 
     def remove_others(self, keep: Iterable[str]) -> None:
-        """Remove the files of ours that are not among ``keep``."""
+        """Remove the files of ours that are not among ``keep``; what lies behind a link is no longer ours."""
         kept = set(keep)
         for name in [n for n in self.files if n not in kept]:
-            files.remove(self.path / name)
+            with suppress(OutputError):
+                files.remove(files.below(self.path, name, OutputError))
+            del self.files[name]
+        self._write()
+
+    def forget(self, names: Iterable[str]) -> None:
+        """Strike files off the list: the next run writes them again."""
+        for name in names:
             del self.files[name]
         self._write()
 
     def _write(self) -> None:
-        write_json(self.path / LIST, {"video": self.video, "files": self.files, "stages": self.stages})
+        content = {"video": self.video, "files": self.files, "stages": self.stages}
+        write_record(files.below(self.path, LIST, OutputError), content)
+
+
+def _differs(path: Path, entry: dict[str, Any], deep: bool = False) -> bool:
+    """Whether a file is not as its entry says; one that is notes its new stamp, so that it is read only once."""
+    stamp = files.stamp(path)
+    if not deep and stamp == entry["stamp"]:
+        return False
+    content = files.read(path) if stamp and files.size(path) == entry["size"] else None
+    if content is None or files.crc32(content) != entry["crc32"]:
+        return True
+    entry["stamp"] = stamp
+    return False
+
+
+def _read_list(path: Path) -> dict[str, Any] | None:
+    """The list of a folder; None where it is missing, damaged, a link, or names what does not lie in the folder."""
+    found = None if files.is_link(path) else read_record(path)
+    if not found or not isinstance(found.get("video"), str):
+        return None
+    listed, stages = found.get("files"), found.get("stages")
+    if not isinstance(listed, dict) or not isinstance(stages, dict):
+        return None
+    sound = all(stays(name) and name != LIST and _is_entry(entry) for name, entry in listed.items())
+    return found if sound and all(map(_is_description, stages.values())) else None
+
+
+def _is_entry(entry: object) -> bool:
+    return (
+        isinstance(entry, dict)
+        and entry.keys() == ENTRY.keys()
+        and all(type(entry[name]) is kind for name, kind in ENTRY.items())
+    )
+
+
+def _is_description(about: object) -> bool:
+    """Whether it is what a plan can compare itself with."""
+    if not isinstance(about, dict) or not isinstance(about.get("inputs", {}), dict):
+        return False
+    settings = about.get("settings", {})
+    return isinstance(settings, dict) and all(isinstance(section, dict) for section in settings.values())
+
+
+def known_outputs(store: Store) -> Iterator[tuple[Output, list[Damage]]]:
+    """The folders that runs of a store wrote to and that are still theirs, and what is wrong with each.
+
+    A folder that is gone was taken away by whoever it belongs to.
+    """
+    for place, video in outputs(store).items():
+        path = Path(place)
+        if files.is_link(path) or not files.is_folder(path):
+            continue
+        output = Output(path, video)
+        if not output.listed:
+            yield output, [Damage(path / LIST, None, "is missing or damaged")]
+        elif output.owner == video:
+            yield output, [Damage(path / name, None, what) for name, what in output.damages()]

@@ -15,6 +15,7 @@ from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.records import read_record, write_record
+from zsmoseg.video.plain_names import stays
 
 PACKAGES = ("zsmoseg", "numpy", "scipy", "zarr", "numcodecs", "numba", "opencv-python-headless", "av")
 """What a run notes the version of."""
@@ -74,18 +75,38 @@ def versions() -> dict[str, str]:
 
 def run_path(store: Store, run: str) -> Path:
     """Where the record of a run is."""
-    return store.runs / f"{run}.json"
+    return files.below(store.runs, f"{run}.json", one=True)
 
 
 def run_ids(store: Store) -> list[str]:
     """The ids of all runs, the latest last; those with a damaged record too."""
-    return [path.stem for path in files.matching(store.runs, "*.json")]
+    return [path.stem for path in files.matching(store.runs, "*.json") if not files.is_link(path)]
 
 
 def read_run(store: Store, run: str) -> dict[str, Any] | None:
-    """The record of a run; None where it is missing or damaged."""
+    """The record of a run; None where it is missing, damaged, or names what does not lie in the store."""
     record = read_record(run_path(store, run))
-    return record if record and "videos" in record and "id" in record else None
+    if not record or record.get("id") != run or not isinstance(record.get("videos"), dict):
+        return None
+    return record if all(_is_video(*entry) for entry in record["videos"].items()) else None
+
+
+def _is_video(name: str, video: object) -> bool:
+    """Whether it is what a run notes of a video."""
+    if not isinstance(video, dict) or not isinstance(video.get("keys"), dict):
+        return False
+    told = [name, video.get("video"), *video["keys"], *video["keys"].values()]
+    return all(stays(part) and "/" not in part for part in told) and isinstance(video.get("out", ""), str)
+
+
+def outputs(store: Store) -> dict[str, str]:
+    """The output folders that runs remember, and the id of the video that each was written for last."""
+    return {
+        video["out"]: video["video"]
+        for run in list_runs(store)
+        for video in run["videos"].values()
+        if video.get("out")
+    }
 
 
 def list_runs(store: Store) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
 from zsmoseg.stores.checks import Damage, check
 from zsmoseg.stores.location import MARK, Store
+from zsmoseg.stores.output import known_outputs
 from zsmoseg.stores.records import read_json, read_record
 from zsmoseg.stores.runs import forget_run, read_run, run_ids, run_path
 
@@ -37,7 +38,7 @@ def garbage(store: Store, forget: Sequence[str] = ()) -> Garbage:
     left = {video[-16:] for video in store.videos() if store.path / video not in folders}
     stale = [
         path
-        for path in files.matching(store.path / "fingerprints", "*.json")
+        for path in files.matching(files.below(store.path, "fingerprints"), "*.json")
         if str((read_record(path) or {}).get("fingerprint"))[:16] not in left
     ]
     gone = set(folders)
@@ -87,7 +88,15 @@ def remove_garbage(store: Store, found: Garbage, forget: Sequence[str] = ()) -> 
 
 
 def verify(store: Store, deep: bool = True) -> list[Damage]:
-    """Every file that is missing, of another size or, with ``deep``, of other content than was written."""
+    """Every file that is missing, of another size or, with ``deep``, of other content than was written.
+
+    Those of the store, and those in the output folders of its runs. Nothing is changed.
+    """
+    found = _verify(store, deep)
+    return found + [damage for _, damages in known_outputs(store) for damage in damages]
+
+
+def _verify(store: Store, deep: bool) -> list[Damage]:
     found = []
     if not isinstance((read_json(store.path / MARK) or {}).get("format"), int):
         found.append(Damage(store.path / MARK, None, "is missing or damaged"))
@@ -104,11 +113,15 @@ def verify(store: Store, deep: bool = True) -> list[Damage]:
 
 def take_back(store: Store, deep: bool = True) -> list[Damage]:
     """As ``verify``; the next run redoes the parts that are damaged, and mends the rest by itself."""
-    found = verify(store, deep)
+    found = _verify(store, deep)
     for damage in found:
         place = damage.path.relative_to(store.path).parts
         if len(place) > 3:
             artifact = store.artifact(*place[:3])
             artifact.unseal()
             artifact.invalidate([] if damage.part is None else [damage.part])
+    for output, damages in known_outputs(store):
+        if output.listed:
+            output.forget([damage.path.relative_to(output.path).as_posix() for damage in damages])
+        found += damages
     return found

@@ -179,4 +179,4 @@ class PartWriter:
         self.artifact.invalidate([self.part])
         files.remove(self._tables.path)
         for name in self.artifact.arrays:
-            files.remove(self.artifact.path / name / "c" / str(self.part))
+            files.remove(files.below(self.artifact.path, f"{name}/c/{self.part}"))

@@ -77,7 +77,12 @@ def test_status_runs_explain_and_verify_tell_what_is_there(
     assert say(["verify", *store], capsys)[0] == 0
 
 
-def test_verify_finds_a_flipped_byte_and_exits_with_1(
+def everything(root: Path) -> dict[str, tuple[bytes, int]]:
+    """Content and time of change of every file."""
+    return {str(p): (p.read_bytes(), p.stat().st_mtime_ns) for p in root.rglob("*") if p.is_file()}
+
+
+def test_verify_finds_a_flipped_byte_exits_with_1_and_changes_nothing_and_repair_mends_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     clip = write_folder(tmp_path / "disc", draw_clip(0, 5)[0])
@@ -87,9 +92,13 @@ def test_verify_finds_a_flipped_byte_and_exits_with_1(
     data[len(data) // 2] ^= 1
     shard.write_bytes(bytes(data))
     capsys.readouterr()
-    code, out, _ = say(["verify", "--store", str(tmp_path / "zsmoseg-store")], capsys)
+    before, store = everything(tmp_path), ["--store", str(tmp_path / "zsmoseg-store")]
+    code, out, _ = say(["verify", *store], capsys)
     assert code == 1
     assert "has other content than was written" in out
+    assert "give --yes" in say(["repair", *store], capsys)[1]
+    assert everything(tmp_path) == before
+    assert say(["repair", *store, "--yes"], capsys)[0] == 0
     assert main(["run", str(clip), "-o", str(tmp_path / "out"), *QUICK]) == 0
     capsys.readouterr()
     assert say(["verify", "--store", str(tmp_path / "zsmoseg-store")], capsys)[0] == 0

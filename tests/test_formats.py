@@ -726,7 +726,9 @@ def test_depth_that_cannot_be_used_is_named(tmp_path: Path) -> None:
         open_depth(tmp_path)
     (tmp_path / "exr").mkdir()
     (tmp_path / "exr" / "00000.exr").write_bytes(b"no image")
-    with pytest.raises(FormatError, match=r"00000\.exr: OpenCV cannot read it .* convert it to \.npy"):
+    with pytest.raises(
+        FormatError, match=r"00000\.exr: cannot be read .is no OpenEXR file.; convert it to \.npy"
+    ):
         open_depth(tmp_path / "exr").read(0)
 
 

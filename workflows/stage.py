@@ -123,7 +123,7 @@ def ignored(section: settings.Ignore, height: int, width: int) -> NDArray[np.boo
 I = TypeVar("I")  # noqa: E741
 S = TypeVar("S")
 Task = Callable[[Part, I, S], Iterable[Arrays]]
-"""Yields what it leaves, a run of frames at a time; a stage that leaves files notes their sizes in ``facts``."""
+"""Yields what it leaves, a run of frames at a time; a stage that leaves files notes them in ``facts``."""
 
 
 @dataclass(frozen=True)

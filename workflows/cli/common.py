@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from pathlib import Path
 
 from zsmoseg.workflows.running.local_paths import local_folder
@@ -28,3 +29,11 @@ def store_path(given: Path | None, out: Path | None = None) -> Path:
     if os.environ.get("ZSMOSEG_STORE"):
         return local_folder(os.environ["ZSMOSEG_STORE"])
     return (out or Path(OUT)).parent / "zsmoseg-store"
+
+
+def agreed(question: str) -> bool:
+    """Whether the user says yes; without a terminal to ask at: no."""
+    if not sys.stdin.isatty():
+        print("give --yes to go on without being asked")
+        return False
+    return input(f"{question} [y/N] ").strip().lower() in ("y", "yes")

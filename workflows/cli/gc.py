@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
-from zsmoseg.workflows.cli.common import store_option, store_path
+from zsmoseg.workflows.cli.common import agreed, store_option, store_path
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -29,16 +28,9 @@ def main(options: argparse.Namespace) -> int:
     print(f"{len(found.paths)} artifacts and leftovers, {found.size / 1e6:.1f} MB")
     if not found.paths and not options.forget:
         return 0
-    if not options.yes and not _agreed():
+    if not options.yes and not agreed("remove?"):
         print("nothing removed")
         return 0
     remove_garbage(store, found, options.forget)
     print("removed")
     return 0
-
-
-def _agreed() -> bool:
-    if not sys.stdin.isatty():
-        print("give --yes to remove without being asked")
-        return False
-    return input("remove? [y/N] ").strip().lower() in ("y", "yes")

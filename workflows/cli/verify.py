@@ -1,4 +1,4 @@
-"""``zsmoseg verify``: whether every file of a store is as it was written."""
+"""``zsmoseg verify``: whether every file of a store and of what its runs left for users is as it was written."""
 
 from __future__ import annotations
 
@@ -13,19 +13,16 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Name every file that is missing, of wrong size or of wrong content; 1 if there is one.
-
-    The records of damaged parts are taken back, so that the next run computes them again.
-    """
+    """Name every file that is missing, of wrong size or of wrong content; 1 if there is one. Nothing is changed."""
     from zsmoseg.stores.location import Store
-    from zsmoseg.stores.upkeep import take_back
+    from zsmoseg.stores.upkeep import verify
 
     store = Store.open(store_path(options.store), create=False)
-    damages = take_back(store)
+    damages = verify(store)
     for damage in damages:
         print(f"{damage.path}: {damage.what}")
     if damages:
-        print(f"{len(damages)} problems; the same zsmoseg run command again redoes what is damaged")
+        print(f"{len(damages)} problems; zsmoseg repair, then the same zsmoseg run command again, mends them")
     else:
         print(f"{store.path}: every file is as it was written")
     return 1 if damages else 0

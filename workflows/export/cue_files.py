@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.errors import OutputError
 from zsmoseg.formats.depth import encode_depth
 from zsmoseg.formats.flow_files import encode_kitti, write_flo
 from zsmoseg.formats.names import SIDES
@@ -18,7 +19,7 @@ from zsmoseg.workflows.export.registry import Choice
 from zsmoseg.workflows.result import BLOCK, Result
 
 WriteFlow = Callable[[Path, NDArray[Any], str], None]
-"""Writes (2, H, W) flow; the path without ending, and where it stands, for errors."""
+"""Writes (2, H, W) flow; the path, and where it stands, for errors."""
 
 
 def write_flo_files(result: Result, path: Path, choice: Choice) -> None:
@@ -26,9 +27,9 @@ def write_flo_files(result: Result, path: Path, choice: Choice) -> None:
 
     def write(file: Path, flow: NDArray[Any], where: str) -> None:
         del where  # everything fits
-        write_flo(file.with_name(f"{file.name}.flo"), flow)
+        write_flo(file, flow)
 
-    _write_flow(result, path, write)
+    _write_flow(result, path, ".flo", write)
 
 
 def write_arrays(result: Result, path: Path, choice: Choice) -> None:
@@ -36,13 +37,13 @@ def write_arrays(result: Result, path: Path, choice: Choice) -> None:
 
     def write(file: Path, flow: NDArray[Any], where: str) -> None:
         del where  # everything fits
-        np.save(file.with_name(f"{file.name}.npy"), flow)
+        np.save(file, flow)
 
     if choice.cues == ("flow",):
-        return _write_flow(result, path, write)
+        return _write_flow(result, path, ".npy", write)
     path.mkdir(parents=True)
     for name, depth in _rows(result, "depth", "inverse_depth"):
-        np.save(path / f"{name}.npy", depth.astype(np.float32))
+        np.save(_file(path, name, ".npy"), depth.astype(np.float32))
     return None
 
 
@@ -50,23 +51,28 @@ def write_images(result: Result, path: Path, choice: Choice) -> None:
     """Flow as KITTI has it, or relative inverse depth in 16 bits: the largest of the video is 65535."""
 
     def write(file: Path, flow: NDArray[Any], where: str) -> None:
-        files.write(file.with_name(f"{file.name}.png"), encode_kitti(flow, where))
+        files.write(file, encode_kitti(flow, where))
 
     if choice.cues == ("flow",):
-        return _write_flow(result, path, write)
+        return _write_flow(result, path, ".png", write)
     rows = _rows(result, "depth", "inverse_depth")
     largest = max(float(np.nanmax(depth, initial=0)) for _, depth in rows)
     for name, depth in _rows(result, "depth", "inverse_depth"):
-        files.write(path / f"{name}.png", encode_depth(depth.astype(np.float32), largest))
+        files.write(_file(path, name, ".png"), encode_depth(depth.astype(np.float32), largest))
     return None
 
 
-def _write_flow(result: Result, path: Path, write: WriteFlow) -> None:
+def _write_flow(result: Result, path: Path, ending: str, write: WriteFlow) -> None:
     """``forward`` and ``backward``, a file a pair, called like its first frame."""
     for side in SIDES:
         (path / side).mkdir(parents=True)
         for name, flow in _rows(result, "flow", side):
-            write(path / side / name, flow, f"{result.name}, frame {name}")
+            write(_file(path / side, name, ending), flow, f"{result.name}, frame {name}")
+
+
+def _file(folder: Path, name: str, ending: str) -> Path:
+    """The file of a frame: its name comes from a record."""
+    return files.below(folder, f"{name}{ending}", OutputError, one=True)
 
 
 def _rows(result: Result, stage: str, name: str) -> Iterator[tuple[str, NDArray[Any]]]:

@@ -59,6 +59,8 @@ def export(results: Sequence[Result], out: Path, choice: Choice) -> Iterator[Pat
     """
     format = entry(FORMATS, "format", choice.format)
     jobs = [job for result in results for job in _jobs(result, out, choice)]
+    if files.is_link(out):
+        raise OutputError(f"{out}: is a link; give the folder itself (-o)")
     if (out / "zsmoseg.json").exists() or (out.exists() and not out.is_dir()):
         raise OutputError(f"{out}: is {'a store' if out.is_dir() else 'a file'}; give another folder (-o)")
     for path, _, _ in jobs:

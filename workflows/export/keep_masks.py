@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from zsmoseg.errors import OutputError
 from zsmoseg.formats.keep import encode_keep
 from zsmoseg.stores import files
 from zsmoseg.workflows.export.painting import image_names, painted
@@ -24,4 +25,4 @@ def write_nerfstudio(result: Result, path: Path, choice: Choice) -> None:
 
 def _write(names: Sequence[str], result: Result, path: Path, choice: Choice) -> None:
     for name, ids in zip(names, painted(result, "group", choice.when), strict=True):
-        files.write(path / name, encode_keep(ids > 0, choice.dilate))
+        files.write(files.below(path, name, OutputError), encode_keep(ids > 0, choice.dilate))

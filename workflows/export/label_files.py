@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from zsmoseg.errors import FormatError
+from zsmoseg.errors import FormatError, OutputError
 from zsmoseg.formats.coco import encode_coco
 from zsmoseg.formats.mots import PER_CLASS, encode_mots
 from zsmoseg.formats.npy import write_volume
@@ -19,7 +19,7 @@ from zsmoseg.workflows.result import Result
 def write_davis(result: Result, path: Path, choice: Choice) -> None:
     """A palette image a frame."""
     for name, ids in zip(result.probe.names, painted(result, choice.what, choice.when), strict=True):
-        files.write(path / f"{name}.png", encode_png(ids))
+        files.write(files.below(path, f"{name}.png", OutputError, one=True), encode_png(ids))
 
 
 def write_npz(result: Result, path: Path, choice: Choice) -> None:

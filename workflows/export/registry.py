@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from zsmoseg.errors import OutputError
 from zsmoseg.metrics.registries import Deferred
+from zsmoseg.stores import files
 
 if TYPE_CHECKING:  # the command line lists the formats without numpy
     from zsmoseg.workflows.result import Result
@@ -60,8 +62,15 @@ class Format:
     check: Callable[[Result, Choice], None] | None = None
 
     def path(self, out: Path, video: str, cue: str) -> Path:
-        """The file or folder of one video (and cue) in the folder ``out``."""
-        return (out / cue if self.cues == "each" else out) / f"{video}{self.ending}"
+        """The file or folder of one video (and cue) in the folder ``out``.
+
+        Raises
+        ------
+        OutputError
+            If the video has a name that leaves the folder, or there is a link.
+        """
+        folder = files.below(out, cue, OutputError, one=True) if self.cues == "each" else out
+        return files.below(folder, f"{video}{self.ending}", OutputError, one=True)
 
 
 def _in(file: str, function: str) -> Deferred:

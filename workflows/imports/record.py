@@ -35,19 +35,29 @@ def brought_before(store: Store, video: str) -> dict[str, Brought]:
     StoreError
         The record of it is damaged: without it other cues would be used.
     """
-    path = store.video(video).path / RECORD
+    path = files.below(store.video(video).path, RECORD)
     found = read_record(path)
-    if found is None and files.exists(path):
+    if (found is None and files.exists(path)) or not all(map(_is_brought, (found or {}).values())):
         raise StoreError(
             f"{path}: is damaged; zsmoseg import again what you had imported, or remove the file"
         )
     return {name: Brought(**entry) for name, entry in (found or {}).items()}
 
 
+def _is_brought(entry: object) -> bool:
+    """Whether it is what ``remember`` notes of a cue."""
+    names = set(Brought.__dataclass_fields__)
+    return (
+        isinstance(entry, dict) and entry.keys() == names and all(isinstance(v, str) for v in entry.values())
+    )
+
+
 def remember(store: Store, video: str, brought: Mapping[str, Brought]) -> None:
     """Note what was brought; what was brought before of the same kind gives way."""
     known = {**brought_before(store, video), **brought}
-    write_record(store.video(video).path / RECORD, {name: asdict(entry) for name, entry in known.items()})
+    write_record(
+        files.below(store.video(video).path, RECORD), {name: asdict(entry) for name, entry in known.items()}
+    )
 
 
 def fingerprint(store: Store, path: Path) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Collection
 from pathlib import Path, PurePosixPath
 
 from zsmoseg.errors import ModelError
+from zsmoseg.video.plain_names import stays
 
 CHUNK = 1 << 20
 
@@ -60,7 +61,7 @@ def _choose(opened: zipfile.ZipFile, wanted: Collection[str], archive: Path) -> 
     chosen: dict[str, zipfile.ZipInfo] = {}
     for member in opened.infolist():
         path = PurePosixPath(member.filename.replace("\\", "/"))
-        if path.is_absolute() or ".." in path.parts or ":" in "".join(path.parts[:1]):
+        if path.parts and not stays(path.as_posix()):
             raise ModelError(
                 f"{archive}: {member.filename!r} leads out of the folder; the archive is refused"
             )

@@ -16,7 +16,7 @@ from zsmoseg.stores.checks import part_problem
 from zsmoseg.stores.keys import FORMAT
 from zsmoseg.stores.keys import key as artifact_key
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.output import Output
+from zsmoseg.stores.output import STATES, SUMMARY, Output
 from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.imports.contents import check
 from zsmoseg.workflows.imports.record import Brought
@@ -148,13 +148,12 @@ def plan_video(
         if value is not None and value not in stages:
             what = "no stage with these settings" if value in names() else "no such stage"
             raise SettingsError(f"{option} {value}: {what}; there are {', '.join(stages)}")
-    output = Output(out, video)
+    plan = VideoPlan(source, name, video, fingerprint, probe, {}, Output(out, video), graph, brought)
     needed = _needed(stages, until)
-    if any(stage.output for stage in needed):
-        output.refuse_foreign()
-    plan = VideoPlan(source, name, video, fingerprint, probe, {}, output, graph, brought)
     for stage in needed:
         plan.stages[stage.name] = _plan_stage(plan, store, stage, settings)
+    if any(stage.output for stage in needed):
+        plan.output.refuse_foreign([*plan.files, SUMMARY, STATES], store)
     again = following(stages, start_from) if start_from else set()
     for planned in plan.stages.values():
         _mark(plan, planned, planned.stage.name in again, start_from)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from zsmoseg.settings import Settings
+from zsmoseg.stores import files
 from zsmoseg.stores.beginning import begin
 from zsmoseg.stores.checks import joined_problem, part_problem
 from zsmoseg.stores.leases import lease, sweep
@@ -21,7 +22,7 @@ def plans_record(plans: Sequence[VideoPlan]) -> dict[str, Any]:
         plan.name: {
             "video": plan.video,
             "source": plan.source,
-            "out": str(plan.output.path.absolute()),
+            "out": files.absolute(plan.output.path) if plan.files else "",
             "keys": {name: stage.key for name, stage in plan.stages.items()},
         }
         for plan in plans

@@ -117,7 +117,7 @@ def _run(job: Job) -> Outcome:
     if stage.output:
         with full_disk_in_words(Path(job.out)):
             list(left)
-        refuse_changed(job.promise, part, sections, store)
+        refuse_changed(job.promise, job.stage, part, sections, store)
         return Outcome("done", time.process_time() - clock, peak_memory_mb(), part.facts)
     with lease(artifact.lease_path(job.part), lambda: not part_problem(artifact, job.part)) as ours:
         # somebody else may have finished it while this run waited, or just before: what is finished stays
@@ -126,7 +126,7 @@ def _run(job: Job) -> Outcome:
         with PartWriter(artifact, job.part) as writer:
             for block in left:
                 writer.put(block)
-            refuse_changed(job.promise, part, sections, store)
+            refuse_changed(job.promise, job.stage, part, sections, store)
             seconds = time.process_time() - clock - part.warm_up
             warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
             writer.facts = {**part.facts, **warm_up, "seconds": round(seconds, 4)}

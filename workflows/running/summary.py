@@ -12,14 +12,13 @@ import numpy as np
 from zsmoseg import __version__
 from zsmoseg.settings import Settings
 from zsmoseg.stores.arrays import Arrays
+from zsmoseg.stores.output import STATES, SUMMARY
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 from zsmoseg.workflows.stages.proposed.objects import object_names
 
-NAME = "summary.json"
-STATES = "motion.csv"
 T = TypeVar("T", bound=Arrays)
 
 
@@ -28,9 +27,9 @@ def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     summary = summarise(plan, settings)
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
     plan.output.claim({})
-    for name, content in ((NAME, text), (STATES, states(plan))):
+    for name, content in ((SUMMARY, text), (STATES, states(plan))):
         plan.output.write(name, content.encode(), plan.stages["groups"].key)
-    plan.output.remove_others([*plan.files, NAME, STATES])
+    plan.output.remove_others([*plan.files, SUMMARY, STATES])
     return summary
 
 

@@ -35,13 +35,15 @@ def promised(plan: VideoPlan, stage: StagePlan, method: str) -> dict[str, str]:
     return {"source": plan.fingerprint, "method": method, "ignore": ignore, **brought}
 
 
-def refuse_changed(promise: Mapping[str, str], part: Part, sections: Any, store: Store) -> None:
+def refuse_changed(promise: Mapping[str, str], stage: str, part: Part, sections: Any, store: Store) -> None:
     """Raise where something that a task has read is not what its key says.
 
     Parameters
     ----------
     promise
         See ``promised``.
+    stage
+        Its name: files that are brought are read by the stage that has the name of what they bring.
     sections
         The settings that the task read.
 
@@ -57,12 +59,11 @@ def refuse_changed(promise: Mapping[str, str], part: Part, sections: Any, store:
         and _now(lambda: store.fingerprint(part.probe.source, promise["method"])) != promise["source"]
     ):
         raise VideoError(f"{part.probe.source}: {AGAIN}")
-    for kind in ("proposals", "flow", "depth"):
-        section = getattr(sections, kind, None)
-        if section is not None and section.source == "imported" and section.path:
-            path = Path(section.path)
-            if _now(lambda path=path: fingerprint(store, path)) != promise[kind]:
-                raise FormatError(f"{path}: {AGAIN}")
+    section = getattr(sections, stage, None)
+    if stage in promise and section is not None and section.source == "imported":
+        path = Path(section.path)
+        if _now(lambda: fingerprint(store, path)) != promise[stage]:
+            raise FormatError(f"{path}: {AGAIN}")
     ignore = getattr(sections, "ignore", None)
     if ignore is not None and ignore.mask and _now(lambda: str(ignore.active()["mask"])) != promise["ignore"]:
         raise SettingsError(f"{ignore.mask}: {AGAIN}")

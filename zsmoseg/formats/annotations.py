@@ -10,8 +10,12 @@ from typing import Any
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats.npy import DAMAGED, damaged
+from zsmoseg.video.bounds import TooLarge, check_size
 
 Entry = dict[str, Any]
+
+HIGHEST_SCORE = 1e30
+"""Of 32 bits nearly."""
 
 
 def load_json(path: Path) -> Any:
@@ -74,6 +78,16 @@ def choose_video(names: Sequence[str], video: str | None, path: Path) -> str:
 def size_of(entry: Entry, where: str) -> tuple[int, int]:
     """(H, W) of an image or video."""
     height, width = (int(field(entry, key, int, where)) for key in ("height", "width"))
-    if min(height, width) < 1:
-        raise FormatError(f"{where}: is {height} x {width}; write the size of the images")
+    try:
+        check_size(height, width)
+    except TooLarge as error:
+        raise FormatError(f"{where}: {error}; write the size of the images") from error
     return height, width
+
+
+def score_of(entry: Entry, where: str) -> float:
+    """The score of an annotation, which says what lies on top."""
+    score = field(entry, "score", (int, float), where)
+    if not abs(score) <= HIGHEST_SCORE:  # NaN too
+        raise FormatError(f"{where}: the score of annotation {entry['id']} is no number; give finite ones")
+    return float(score)

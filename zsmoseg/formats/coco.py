@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
-from zsmoseg.formats.annotations import Entry, choose_video, entries, field, size_of
+from zsmoseg.formats.annotations import Entry, choose_video, entries, field, score_of, size_of
 from zsmoseg.formats.names import inside
-from zsmoseg.formats.overlaps import HIGHEST, FrameMasks, MaskSource, stack, text
+from zsmoseg.formats.overlaps import HIGHEST, FrameMasks, MaskSource, refuse_many, stack, text
 
 IDS = ("track_id", "instance_id")
 """Fields of annotations that tell objects through the video."""
@@ -49,10 +49,11 @@ class CocoImages(MaskSource):
         image = self._images[index]
         found = self._annotations[image]
         where = f"{self.path}, {self._names[image]}"
+        refuse_many(len(found), self.size, where)
         masks = [
             rle.decode(a.get("segmentation"), self.size, f"{where}, annotation {a['id']}") for a in found
         ]
-        scores = [float(field(a, "score", (int, float), where)) for a in found] if self._scored else None
+        scores = [score_of(a, where) for a in found] if self._scored else None
         return stack(masks, self.size, self._numbers(found, where), scores)
 
     def _numbers(self, found: Sequence[Entry], where: str) -> list[int] | None:

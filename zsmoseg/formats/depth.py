@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
+from zsmoseg.formats.exr_head import check_exr
 from zsmoseg.formats.label_images import read_numbers
 from zsmoseg.formats.names import frame_files
 from zsmoseg.formats.npy import Array, Rows, load, only_key
@@ -113,6 +114,10 @@ def _read_array(path: Path) -> Array:
 
 
 def _read_exr(path: Path) -> Array:
+    try:
+        check_exr(path)
+    except (OSError, ValueError) as error:
+        raise FormatError(f"{path}: cannot be read ({error}); convert it to .npy") from error
     try:
         found = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     except cv2.error:

@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats.names import SIDES
-from zsmoseg.formats.npy import Array, keys, load, only_key
+from zsmoseg.formats.npy import DAMAGED, Array, damaged, keys, load, only_key
 from zsmoseg.formats.overlaps import text
+from zsmoseg.video.bounds import TooLarge, check_size, open_image
 
 Flow = NDArray[np.float32]
+
+MAGIC, HEAD = b"PIEH", 12
+"""Of .flo files: how they begin, and bytes before the numbers."""
 
 UNKNOWN = 1e9
 """Components of .flo files above it are unknown."""
@@ -57,11 +61,17 @@ def read_flow(path: Path, side: str = "forward") -> Flow:
 
 def _read_flo(path: Path) -> Flow:
     try:
-        found = cv2.readOpticalFlow(str(path))
-    except cv2.error:
-        found = None
-    if found is None or not found.size:
-        raise FormatError(f"{path}: is damaged, or no .flo; make the file anew")
+        with path.open("rb") as file:
+            head, size = file.read(HEAD), path.stat().st_size
+            width, height = np.frombuffer(head[4:].ljust(HEAD - 4, b"\0"), "<i4").tolist()
+            if not head.startswith(MAGIC) or size != HEAD + 8 * height * width:
+                raise ValueError(f"{size} bytes, {height} x {width} by its head")
+            check_size(height, width)
+            found = np.frombuffer(file.read(), "<f4").reshape(height, width, 2)
+    except TooLarge as error:
+        raise FormatError(f"{path}: {error}; make it smaller") from error
+    except DAMAGED as error:
+        raise FormatError(f"{path}: is damaged, or no .flo ({error}); make the file anew") from error
     unknown = np.isfinite(found) & (np.abs(found) > UNKNOWN)
     flow = as_flow(np.where(unknown, 0, found), str(path))
     flow[:, unknown.any(-1)] = np.nan
@@ -69,6 +79,11 @@ def _read_flo(path: Path) -> Flow:
 
 
 def _read_kitti(path: Path) -> Flow:
+    try:
+        with open_image(path):
+            pass
+    except DAMAGED as error:
+        raise damaged(path, error) from error
     stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if stored is None:
         raise FormatError(f"{path}: cannot be read; make the file anew")

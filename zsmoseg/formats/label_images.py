@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats.npy import DAMAGED
+from zsmoseg.video.bounds import open_image
 
 NUMBERS = ("P", "L", "1", "I", "I;16", "I;16B")
 """Pillow's modes of images whose values are numbers, not colours."""
@@ -60,7 +60,7 @@ def read_values(path: Path) -> NDArray[Any]:
         Not an image, or damaged.
     """
     try:
-        with Image.open(path) as image:
+        with open_image(path) as image:
             return np.asarray(image)
     except DAMAGED as error:
         raise _no_image(path, error) from error
@@ -75,7 +75,7 @@ def image_size(path: Path) -> tuple[int, int]:
         As ``read_numbers``; damage after the head is not seen.
     """
     try:
-        with Image.open(path) as image:
+        with open_image(path) as image:
             mode, size = image.mode, (image.height, image.width)
     except DAMAGED as error:
         raise _no_image(path, error) from error

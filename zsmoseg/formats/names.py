@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePosixPath
 
 from zsmoseg.errors import FormatError
+from zsmoseg.video.plain_names import parts_of
 from zsmoseg.video.sources import natural
 
 WHOLE = (".npz", ".npy", ".json")
@@ -14,6 +15,12 @@ WHOLE = (".npz", ".npy", ".json")
 
 FRAME = (".png", ".flo", ".npy", ".npz", ".exr")
 """Endings of files that hold one frame."""
+
+SHOWN = 80
+"""Characters of a name in an error."""
+
+DIGITS = 18
+"""Of the number of a frame at most; longer ones are hashes."""
 
 SIDES = ("forward", "backward")
 """Folders of flow."""
@@ -70,10 +77,12 @@ def frame_files(folder: Path, endings: Iterable[str] = FRAME) -> list[Path]:
 
 def inside(name: str, where: str) -> PurePosixPath:
     """A relative path that stays in its folder; else a ``FormatError`` that begins with ``where``."""
-    path = PurePosixPath(name.replace("\\", "/"))
-    if not path.parts or path.is_absolute() or ".." in path.parts or re.match(r"[A-Za-z]:", name):
-        raise FormatError(f"{where}: the name {name!r} leaves the folder; use a relative one without '..'")
-    return path
+    try:
+        return PurePosixPath(*parts_of(name.replace("\\", "/")))
+    except ValueError as error:
+        raise FormatError(
+            f"{where}: the name {name[:SHOWN]!r} {error}; use a relative one without '..'"
+        ) from error
 
 
 def match_frames(
@@ -145,4 +154,4 @@ def _match_names(entries: Sequence[str], names: Sequence[str], where: str | Path
 def frame_number(name: str) -> int | None:
     """The last number in a file's name: 12 of ``00012`` and of ``goat_480p_00012``; ``None`` without digits."""
     digits = re.findall(r"\d+", name)
-    return int(digits[-1]) if digits else None
+    return int(digits[-1]) if digits and len(digits[-1]) <= DIGITS else None

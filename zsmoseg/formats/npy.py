@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import weakref
 import zipfile
 import zlib
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from zsmoseg.errors import FormatError
+from zsmoseg.video.bounds import check_bytes
 
 Array = np.ndarray[Any, Any]
 DAMAGED = (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, SyntaxError)
@@ -59,6 +61,7 @@ def load(path: Path) -> dict[str, Array]:
         If the file is damaged.
     """
     try:
+        _check_heads(path)
         found = np.load(path, allow_pickle=False)
         if isinstance(found, np.ndarray):
             return {"": found}
@@ -66,6 +69,38 @@ def load(path: Path) -> dict[str, Array]:
             return {key: found[key] for key in found.files}
     except DAMAGED as error:
         raise damaged(path, error) from error
+
+
+Head = tuple[tuple[int, ...], bool, "np.dtype[Any]"]
+
+
+def _head(stream: IO[bytes]) -> Head:
+    """Shape, whether the first index is the fastest, and type, from the head of an .npy."""
+    head = npy.read_array_header_1_0 if npy.read_magic(stream) == (1, 0) else npy.read_array_header_2_0
+    shape, fortran, dtype = head(stream)
+    if min(shape, default=0) < 0:
+        raise ValueError(f"states the shape {shape}")
+    return shape, fortran, dtype
+
+
+def _check_heads(path: Path) -> None:
+    """Raise ``ValueError`` if an array says that it holds more than is there, or than may be in memory at once."""
+    if not zipfile.is_zipfile(path):
+        with path.open("rb") as stream:
+            _check_head(stream, path.stat().st_size, "the array")
+        return
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.infolist():
+            with archive.open(member) as stream:
+                _check_head(stream, member.file_size, member.filename)
+
+
+def _check_head(stream: IO[bytes], size: int, what: str) -> None:
+    shape, _, dtype = _head(stream)
+    stated, held = math.prod(shape) * dtype.itemsize, size - stream.tell()
+    if stated > held:
+        raise ValueError(f"{what} states {stated} bytes of numbers and holds {held}")
+    check_bytes(stated, what)
 
 
 class Rows:
@@ -86,6 +121,7 @@ class Rows:
             else:
                 self._array = None
                 self._open()
+            check_bytes(math.prod(self.shape[1:]) * self.dtype.itemsize, "one row")
         except DAMAGED as error:
             raise damaged(path, error) from error
 
@@ -93,9 +129,7 @@ class Rows:
         archive = zipfile.ZipFile(self.path)
         weakref.finalize(self, archive.close)
         self._stream: IO[bytes] = archive.open(f"{self.key}.npy")
-        version = npy.read_magic(self._stream)
-        head = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-        self.shape, fortran, self.dtype = head(self._stream)
+        self.shape, fortran, self.dtype = _head(self._stream)
         self._begin = self._stream.tell()
         if fortran or self.dtype.hasobject:
             self._array = load(self.path)[self.key]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
+from zsmoseg.video.bounds import BYTES
 
 HIGHEST = 65535
 """Of ids: labels are stored in 16 bits."""
@@ -109,6 +110,21 @@ def stack(
         by_label = np.full(max(given, default=0), np.nan, np.float32)
         by_label[[n - 1 for n in given]] = scores
     return FrameMasks(label, sum(areas) - int(np.count_nonzero(label)), by_label)
+
+
+def refuse_many(count: int, size: tuple[int, int], where: str, highest: int = 0) -> None:
+    """Raise ``FormatError`` if the masks of one frame are too many to lay on each other, or to number.
+
+    Parameters
+    ----------
+    count, size : of the masks of the frame, (H, W).
+    highest : number that is given to one of them.
+    """
+    if max(count, highest) > HIGHEST or count * size[0] * size[1] > 2 * BYTES:
+        raise FormatError(
+            f"{where}: has {count} masks of {text(size)}, the highest number is {max(count, highest)}; at most "
+            f"{HIGHEST}, and {2 * BYTES / 1e9:.1f} GB of one frame, are read"
+        )
 
 
 def as_ids(values: NDArray[Any], size: tuple[int, int], where: str) -> NDArray[np.uint16]:

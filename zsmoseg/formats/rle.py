@@ -12,6 +12,11 @@ from pycocotools import mask as coco
 
 from zsmoseg.errors import FormatError
 
+BITS = 35
+"""Of a run at most, with its sign: seven characters."""
+BORDER = 1 << 21
+"""px of the border of a polygon at most; drawing takes about 100 bytes for each."""
+
 
 def encode(mask: NDArray[np.bool_]) -> dict[str, Any]:
     """``size`` and ``counts`` (a string) of a mask (H, W), ready for JSON."""
@@ -59,13 +64,35 @@ def decode(segmentation: Any, size: tuple[int, int], where: str) -> NDArray[np.b
 
 def _decode(segmentation: Any, size: tuple[int, int]) -> NDArray[np.bool_]:
     if isinstance(segmentation, list):
-        polygons = [np.asarray(p, float).ravel().tolist() for p in segmentation]
+        polygons = [_polygon(p, size) for p in segmentation]
         segmentation = coco.merge(coco.frPyObjects(polygons, *size))
     counts = segmentation["counts"]
     runs = counts if isinstance(counts, list) else run_lengths(counts)
     if sum(runs) != size[0] * size[1] or min(runs) < 0:
         raise ValueError(f"the runs make {sum(runs)} of {size[0] * size[1]} pixels")
     return np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(size[::-1]).T
+
+
+def _polygon(points: Any, size: tuple[int, int]) -> list[float]:
+    """x, y, x, y, ... of a polygon that pycocotools can draw: it checks nothing, and takes memory for each px of border.
+
+    Raises
+    ------
+    ValueError
+        If it has no three points, or one that is no number or far from the image; if its border is endless.
+    """
+    found = np.asarray(points, float).ravel()
+    if len(found) < 6 or len(found) % 2:
+        raise ValueError(f"a polygon of {len(found)} numbers; it takes x and y of three points at least")
+    xy, sides = found.reshape(-1, 2), np.array(size[::-1], float)
+    far = ~((xy >= -sides) & (xy <= 2 * sides)).all(1)  # NaN too
+    if far.any():
+        x, y = xy[far][0]
+        raise ValueError(f"the point {x:g}, {y:g} of a polygon is no number or far from the image of {size}")
+    border = np.abs(xy - np.roll(xy, 1, 0)).max(1).sum()
+    if border > BORDER:
+        raise ValueError(f"the border of a polygon is {border:g} px long; at most {BORDER} px are drawn")
+    return [float(value) for value in found]
 
 
 def run_lengths(counts: str | bytes) -> list[int]:
@@ -80,6 +107,8 @@ def run_lengths(counts: str | bytes) -> list[int]:
         bits = character - 48
         value |= (bits & 0x1F) << shift
         shift += 5
+        if shift > BITS:
+            raise ValueError("a run is longer than any image")
         if not bits & 0x20:
             value -= (bits & 0x10) and 1 << shift
             runs.append(value + (runs[-2] if len(runs) > 2 else 0))

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats.npy import Rows, load, only_key
-from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, refuse_binary, stack, text
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, refuse_binary, refuse_many, stack, text
+from zsmoseg.video.bounds import TooLarge, check_size
 
 PREFIX = "proposals_"
 """Of files with the proposals of one frame."""
@@ -53,7 +54,7 @@ class Detections(MaskSource):
                 f"{path}: the mask of frame {self._frame[unscored[0]]} has the score {self._score[unscored[0]]}; "
                 "scores must be numbers, they say which mask is on top"
             )
-        height, width = map(int, found["size"])
+        height, width = _size(path, found["size"])
         super().__init__(path, None, int(self._frame.max(initial=-1)) + 1, (height, width), ids=False)
 
     @property
@@ -63,7 +64,9 @@ class Detections(MaskSource):
 
     def _read(self, index: int) -> FrameMasks:
         own = np.flatnonzero(self._frame == index)
-        masks = unpack(self._packed[own], self.size, f"{self.path}, frame {index}")
+        where = f"{self.path}, frame {index}"
+        refuse_many(len(own), self.size, where)
+        masks = unpack(self._packed[own], self.size, where)
         return stack(list(masks), self.size, scores=self._score[own].tolist())
 
 
@@ -82,7 +85,7 @@ class ProposalFolder(MaskSource):
             raise FormatError(
                 f"{file}: holds {', '.join(found)}; expected packed, shape (masks, H, W) and score"
             )
-        return found, (int(found["shape"][1]), int(found["shape"][2]))
+        return found, _size(file, found["shape"][1:])
 
     def _read(self, index: int) -> FrameMasks:
         file = self._files[index]
@@ -91,10 +94,23 @@ class ProposalFolder(MaskSource):
             raise FormatError(
                 f"{file}: is {text(size)}, {self._files[0].name} {text(self.size)}; give all in one size"
             )
+        refuse_many(len(found["packed"]), size, str(file))
         masks, score = unpack(found["packed"], size, str(file)), found.get("score")
         if score is not None and score.shape != (len(masks),):
             raise FormatError(f"{file}: has {len(masks)} masks and {score.size} scores; give one for each")
         return stack(list(masks), size, scores=None if score is None else score.tolist())
+
+
+def _size(path: Path, sides: NDArray[Any]) -> tuple[int, int]:
+    """(H, W) as a file states it."""
+    if sides.dtype.kind not in "ui":
+        raise FormatError(f"{path}: states a size of {sides.dtype}; height and width are whole numbers")
+    height, width = map(int, sides)
+    try:
+        check_size(height, width)
+    except TooLarge as error:
+        raise FormatError(f"{path}: {error}; write the size of the masks") from error
+    return height, width
 
 
 def unpack(packed: NDArray[Any], size: tuple[int, int], where: str) -> NDArray[np.bool_]:

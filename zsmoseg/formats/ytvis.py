@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
-from zsmoseg.formats.annotations import Entry, choose_video, entries, field, size_of
+from zsmoseg.formats.annotations import Entry, choose_video, entries, field, score_of, size_of
 from zsmoseg.formats.coco import categories_of_ids, dump
 from zsmoseg.formats.names import inside
-from zsmoseg.formats.overlaps import FrameMasks, MaskSource, stack
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, refuse_many, stack
 
 
 class Tracks(MaskSource):
@@ -49,11 +49,12 @@ class Tracks(MaskSource):
         assert self.frames is not None
         where = f"{self.path}, {self.frames[index]}"
         seen = [(n, t) for n, t in enumerate(self._tracks, 1) if t["segmentations"][index] is not None]
+        refuse_many(len(seen), self.size, where, max((n for n, _ in seen), default=0))
         masks = [
             rle.decode(t["segmentations"][index], self.size, f"{where}, annotation {t['id']}")
             for _, t in seen
         ]
-        scores = [float(field(t, "score", (int, float), where)) for _, t in seen] if self._scored else None
+        scores = [score_of(t, where) for _, t in seen] if self._scored else None
         return stack(masks, self.size, [n for n, _ in seen], scores)
 
 

@@ -15,8 +15,11 @@ from av.sidedata.sidedata import Type
 from numpy.typing import NDArray
 
 from zsmoseg.errors import VideoError
+from zsmoseg.video.bounds import PIXELS
 
 UInt8 = NDArray[np.uint8]
+LIMIT = {"max_pixels": str(PIXELS)}
+"""For FFmpeg: a stream may state another size in its middle than in its head."""
 
 
 def media(path: str | Path) -> str:
@@ -103,8 +106,7 @@ class Decoder:
             raise VideoError(f"{self.path}: cannot be opened ({error.strerror})") from error
         stream = self._container.streams.video[0]
         stream.codec_context.thread_count = 1
-        if self._strict:
-            stream.codec_context.options = {"err_detect": "explode"}
+        stream.codec_context.options = {**LIMIT, "err_detect": "explode"} if self._strict else LIMIT
         if key > self.first:
             self._container.seek(key, stream=stream, backward=True)
         decoded = _decoded(self._container, stream, sure)
@@ -120,7 +122,7 @@ class Decoder:
             with av.open(media(self.path)) as container:
                 stream = container.streams.video[0]
                 stream.codec_context.thread_count = 1
-                stream.codec_context.options = {"err_detect": "explode"}
+                stream.codec_context.options = {**LIMIT, "err_detect": "explode"}
                 return next(container.decode(stream), None) is not None
         except av.error.FFmpegError:
             return False

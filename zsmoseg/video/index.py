@@ -12,6 +12,7 @@ import av.error
 import numpy as np
 
 from zsmoseg.errors import VideoError
+from zsmoseg.video.bounds import TooLarge, check_size
 from zsmoseg.video.decoding import Decoder, UInt8, media
 
 REORDER = 16
@@ -55,6 +56,7 @@ def index(path: str, thorough: bool = False) -> Index:
             if not container.streams.video:
                 raise VideoError(f"{path}: is not a video: it has no picture")
             stream = container.streams.video[0]
+            check_size(stream.codec_context.height, stream.codec_context.width)
             every = list(container.demux(stream))
             packets = [p for p in every if p.size and not p.is_discard]
             base, promised = float(stream.time_base or UNKNOWN_TIME_BASE), _duration(container, stream)
@@ -62,6 +64,8 @@ def index(path: str, thorough: bool = False) -> Index:
                 promised = max(promised, stream.frames * base)
             # AVI tells when a frame is decoded, not when it is shown; that is one unless frames are reordered.
             counted = container.format.name == "avi" and stream.codec_context.has_b_frames
+    except TooLarge as error:
+        raise VideoError(f"{path}: {error}; make it smaller") from error
     except av.error.FFmpegError as error:
         if isinstance(error, PermissionError | FileNotFoundError):
             raise VideoError(f"{path}: cannot be opened ({error.strerror})") from error

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from zsmoseg.errors import VideoError
+from zsmoseg.video.plain_names import plain
 
 VIDEOS = {".mp4", ".avi", ".mov", ".webm", ".mkv", ".m4v", ".mpg", ".mpeg", ".ogv"}
 IMAGES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"}
@@ -118,7 +119,7 @@ def unique_names(videos: Sequence[str]) -> list[str]:
         for length in range(1, len(own) + 1):
             same = [other for other in parts if other[-length:] == own[-length:]]
             if len(same) == 1:
-                names.append("-".join(own[-length:]))
+                names.append(plain("-".join(own[-length:])))
                 break
         else:
             twin = next(v for v, p in zip(videos, parts, strict=True) if p[-len(own) :] == own and v != video)
@@ -140,7 +141,7 @@ def _parts(video: str) -> list[str]:
     if glob.has_magic(path.name):
         path = path.parent
     stem = path.stem if path.suffix.lower() in VIDEOS else path.name
-    return [re.sub(r"[^\w.+-]+", "_", part) for part in (*path.parts[1:-1], stem)]
+    return [plain(part) for part in (*path.parts[1:-1], stem)]
 
 
 def stat_signature(source: str) -> str:

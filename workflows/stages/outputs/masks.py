@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zsmoseg import settings
+from zsmoseg.errors import OutputError
 from zsmoseg.painting.numbers import paint_table
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.stores import files
@@ -41,16 +42,15 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     """Paint one chunk."""
     numbers = inputs.groups.group, inputs.groups.instance
     moving = moving_objects(inputs.groups, part.start, part.stop)
-    sizes = {}
+    written = {}
     left = iter(names(part.probe, part.start, part.stop, s))
     for label, state in zip(inputs.labels.label, moving, strict=True):
         groups, instances = (paint_table(number, state, s.masks.when) for number in numbers)
         image = encode_png(groups[label])
         other = image if np.array_equal(groups, instances) else encode_png(instances[label])
         for data, name in zip((image, other), left, strict=False):
-            files.write_whole(part.out / name, data)
-            sizes[name] = len(data)
-    part.facts["files"] = sizes
+            written[name] = files.write_noted(files.below(part.out, name, OutputError), data)
+    part.facts["files"] = written
     yield from ()
 
 

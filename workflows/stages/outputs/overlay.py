@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
+from zsmoseg.errors import OutputError
 from zsmoseg.painting.numbers import paint_table
 from zsmoseg.painting.overlay import overlay
 from zsmoseg.stores import files
@@ -55,10 +56,10 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     """Decode the source, colour what moves, encode H.264 that browsers play."""
     part.facts["files"] = {}
     if s.overlay.write:
-        path = part.out / NAME
+        path = files.below(part.out, NAME, OutputError)
         with files.appearing(path) as partial:
             _encode(partial, part, _painted(part, inputs, s))
-        part.facts["files"] = {NAME: files.size(path)}
+        part.facts["files"] = {NAME: files.noted(path)}
     yield from ()
 
 

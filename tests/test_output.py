@@ -1,0 +1,159 @@
+"""The output folder: what is in it is what was written, and a list that was lost is made again."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import draw_clip, write_folder
+from runs import masks, segment
+from stores_help import delete, empty, flip, truncate
+
+from zsmoseg.errors import OutputError
+from zsmoseg.stores import files
+from zsmoseg.stores.location import Store
+from zsmoseg.stores.output import LIST, Output
+from zsmoseg.stores.upkeep import take_back, verify
+
+FILES = ("masks/00001.png", "objects/00002.png", "overlay.mp4", "summary.json", "motion.csv")
+Harm = Callable[[Path], None]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("output")
+    write_folder(root / "disc", draw_clip(0, 4, 96, 128)[0])
+    segment(root / "disc", root)
+    return root
+
+
+@pytest.fixture
+def root(finished: Path, tmp_path: Path) -> Path:
+    """A copy in which the runs remember the folder of the copy."""
+    shutil.copytree(finished, tmp_path / "r")
+    segment(tmp_path / "r" / "disc", tmp_path / "r")
+    return tmp_path / "r"
+
+
+def found(root: Path) -> list[str]:
+    damages = verify(Store.open(root / "store", create=False))
+    return [d.path.relative_to(root / "out" / "disc").as_posix() for d in damages]
+
+
+@pytest.mark.parametrize("harm", [delete, empty, truncate, flip])
+def test_verify_finds_what_is_not_as_it_was_written_and_the_next_run_mends_it(harm: Harm, root: Path) -> None:
+    assert found(root) == []
+    before = masks(root / "out" / "disc")
+    for name in FILES:
+        harm(root / "out" / "disc" / name)
+        assert found(root) == [name]
+        segment(root / "disc", root)
+        assert found(root) == []
+    np.testing.assert_array_equal(masks(root / "out" / "disc"), before)
+
+
+def test_a_bit_that_flips_on_the_disk_without_a_trace_is_found_by_verify_and_mended_after_repair(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, out = Store.open(root / "store", create=False), root / "out" / "disc"
+    before = masks(out)
+    monkeypatch.setattr(files, "stamp", lambda path: "always the same")
+    segment(root / "disc", root, {"masks.when": "now"})  # all files get this stamp
+    segment(root / "disc", root)
+    for name in FILES[:3]:
+        flip(out / name)
+        assert found(root) == [name]
+        _, counter = segment(root / "disc", root)
+        assert counter.parts == [], "a run trusts what nobody touched"
+        assert found(root) == [name], "verify changes nothing"
+        assert [damage.path for damage in take_back(store)] == [out / name]
+        _, counter = segment(root / "disc", root)
+        assert counter.stages == {"overlay" if name == "overlay.mp4" else "masks"}
+        assert found(root) == []
+    np.testing.assert_array_equal(masks(out), before)
+
+
+def test_a_run_with_nothing_to_do_reads_no_file_that_nobody_touched(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reads: list[str] = []
+    read = files.read
+    monkeypatch.setattr(files, "read", lambda path: (reads.append(path.name), read(path))[1])
+    segment(root / "disc", root)
+    assert not {"00001.png", "overlay.mp4"} & set(reads)
+    os.utime(root / "out" / "disc" / FILES[0])
+    segment(root / "disc", root)
+    assert reads.count("00001.png") == 1, "one that was touched is compared by its content"
+    _, counter = segment(root / "disc", root)
+    assert reads.count("00001.png") == 1, "once"
+    assert counter.parts == []
+
+
+def test_a_lost_list_is_made_again_and_nothing_but_the_files_is(root: Path) -> None:
+    out = root / "out" / "disc"
+    before = masks(out)
+    listed = Output(out, "").files.keys()
+    for harm in (delete, empty, truncate, flip):
+        harm(out / LIST)
+        assert found(root) == [LIST]
+        (out / "summary.json").unlink()
+        _, counter = segment(root / "disc", root)
+        assert counter.stages == {"masks", "overlay"}
+        assert found(root) == []
+        assert Output(out, "").files.keys() == listed
+        np.testing.assert_array_equal(masks(out), before)
+
+
+def test_a_folder_without_a_list_that_holds_what_the_run_would_not_write_stays_as_it_is(root: Path) -> None:
+    out = root / "out" / "disc"
+    (out / LIST).unlink()
+    (out / "masks" / "notes.txt").write_text("mine")
+    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    with pytest.raises(
+        OutputError, match=r"\.zsmoseg\.json is lost or damaged, and it holds masks/notes\.txt"
+    ):
+        segment(root / "disc", root)
+    assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
+
+
+def test_a_folder_of_somebody_else_with_the_same_names_is_no_lost_result(root: Path, tmp_path: Path) -> None:
+    """Truth lies in folders of such names."""
+    other = tmp_path / "other" / "out" / "disc" / "masks"
+    shutil.copytree(root / "out" / "disc" / "masks", other)
+    with pytest.raises(OutputError, match="was not made by zsmoseg"):
+        segment(root / "disc", tmp_path / "other")
+    assert len(list(other.iterdir())) == 4
+
+
+def test_a_result_that_was_taken_away_is_no_damage_and_neither_is_one_of_another_source(root: Path) -> None:
+    shutil.move(root / "out" / "disc", root / "mine")
+    assert verify(Store.open(root / "store", create=False)) == []
+    write_folder(root / "more" / "disc", draw_clip(1, 4, 96, 128)[0])
+    segment(root / "more" / "disc", root, out=root / "out")
+    assert verify(Store.open(root / "store", create=False)) == []
+
+
+def test_a_run_that_writes_no_files_remembers_no_folder(root: Path) -> None:
+    write_folder(root / "out" / "clip", draw_clip(1, 4, 96, 128)[0])
+    segment(root / "out" / "clip", root, out=root / "out", until=["flow"])
+    assert verify(Store.open(root / "store", create=False)) == []
+
+
+def test_what_is_written_beside_an_ablation_is_on_the_list(tmp_path: Path) -> None:
+    output = Output(tmp_path / "tables", "ablation")
+    output.refuse_foreign()
+    output.claim({})
+    output.write("steps.txt", b"table", "steps")
+    again = Output(tmp_path / "tables", "ablation")
+    again.refuse_foreign()
+    assert again.problem(["steps.txt"], "steps") is None
+    assert json.loads((tmp_path / "tables" / LIST).read_text())["files"]["steps.txt"]["crc32"] == files.crc32(
+        b"table"
+    )
+    flip(tmp_path / "tables" / "steps.txt")
+    assert again.problem(["steps.txt"], "steps") == "steps.txt was changed"

@@ -1,0 +1,74 @@
+"""How large is believed: a size that a file states is compared with these bounds before anything of it is made."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+
+from PIL import Image
+
+SIDE, PIXELS = 1 << 15, 1 << 26
+"""px of a side and of an image at most: twice 8K."""
+SLIM, LONG = 64, 1024
+"""How many times longer one side may be than the other, where it is longer than this (px)."""
+BYTES = 1 << 30
+"""Of numbers of a file that are in memory at once."""
+
+warnings.filterwarnings("error", category=Image.DecompressionBombWarning)
+
+
+class TooLarge(ValueError):
+    """A file states a size that is not believed; says which, and the bound."""
+
+
+def check_size(height: int, width: int) -> None:
+    """Raise ``TooLarge`` if no image of these sides is to be made.
+
+    Examples
+    --------
+    >>> check_size(100000, 1)
+    Traceback (most recent call last):
+    zsmoseg.video.bounds.TooLarge: is 1 px wide and 100000 px high; sides may be 1 to 32768 px
+    >>> check_size(20000, 20)
+    Traceback (most recent call last):
+    zsmoseg.video.bounds.TooLarge: is 20 px wide and 20000 px high; one side may be 64 times the other
+    """
+    short, long = sorted((height, width))
+    bound = ""
+    if short < 1 or long > SIDE:
+        bound = f"sides may be 1 to {SIDE} px"
+    elif height * width > PIXELS:
+        bound = f"an image may have {PIXELS} px"
+    elif long > LONG and long > SLIM * short:
+        bound = f"one side may be {SLIM} times the other"
+    if bound:
+        raise TooLarge(f"is {width} px wide and {height} px high; {bound}")
+
+
+def check_bytes(count: int, what: str) -> None:
+    """Raise ``TooLarge`` if ``what`` is more than may be in memory at once."""
+    if count > BYTES:
+        raise TooLarge(
+            f"{what} would take {count / 1e9:.1f} GB at once; at most {BYTES / 1e9:.1f} GB are read"
+        )
+
+
+@contextmanager
+def open_image(source: str | Path | BytesIO) -> Iterator[Image.Image]:
+    """An image whose head was read, of a size that is believed.
+
+    Raises
+    ------
+    TooLarge, OSError, SyntaxError, ValueError
+        If it is too large, or none that Pillow knows.
+    """
+    try:
+        image = Image.open(source)
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
+        raise TooLarge(f"is too large; an image may have {PIXELS} px") from error
+    with image:
+        check_size(image.height, image.width)
+        yield image
