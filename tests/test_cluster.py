@@ -32,7 +32,7 @@ from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.running.workers import Needs, look
 
 ROOT = Path(__file__).parents[1]
-BRIEF = 3.0
+BRIEF = 2.0
 """Patience where nothing is to come."""
 
 
@@ -66,7 +66,7 @@ def test_no_workers_from_the_start_are_waited_for_with_a_word_and_then_given_up(
     code = main(["run", str(clip), "-o", str(tmp_path / "out"), *where])
     err = capsys.readouterr().err
     assert code == 2
-    assert f"waiting for workers of {empty.file} (3 s at most, --patience)" in err
+    assert f"waiting for workers of {empty.file} (2 s at most, --patience)" in err
     (line,) = [line for line in err.splitlines() if line.startswith("zsmoseg:")]
     assert f"no workers of {empty.file} for" in line
     assert "start workers and run the same command again" in line
@@ -93,6 +93,21 @@ def test_workers_that_come_late_go_and_come_again_do_all_the_work(empty: Cluster
     assert len(said) == 2
     assert sorted(state for _, state in came) == ["done"] * 4
     assert len({name for name, _ in came}) == 4
+
+
+@pytest.mark.usefixtures("pretending")
+def test_an_adaptive_cluster_of_somebody_starts_workers_for_the_run_and_stays_open(tmp_path: Path) -> None:
+    from distributed import Client, LocalCluster
+
+    quiet: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "worker_dashboard_address": "127.0.0.1:0"}
+    with LocalCluster(n_workers=0, threads_per_worker=2, host="127.0.0.1", **quiet) as theirs:
+        theirs.adapt(minimum=0, maximum=1, interval="200ms")
+        with Client(theirs) as client:
+            with Dask(client, patience=60) as executor:
+                for part in range(3):
+                    executor.submit(job(part, tmp_path / "log"), [], -part)
+                assert [outcome.state for _, outcome in executor.results()] == ["done"] * 3
+            assert client.status == "running"
 
 
 @pytest.mark.usefixtures("pretending")
