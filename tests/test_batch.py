@@ -99,7 +99,7 @@ def test_every_video_is_in_exactly_one_share_whatever_the_order(n: int, store: S
 
 
 def remember(store: Store, outcome: str | None, failures: dict[str, str], *names: str) -> None:
-    record = RunRecord.begin(store, {}, {name: {"video": f"{name}-1", "keys": {}} for name in names})
+    record = RunRecord.begin(store, {}, {name: {"video": name, "keys": {}} for name in names})
     if outcome:
         record.end(outcome, failures, {})
 
@@ -285,8 +285,19 @@ def test_a_store_that_vanishes_in_a_run_fails_every_video_with_a_line(data: Path
         one_line(message)
 
 
-@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EROFS, errno.EACCES])
-@pytest.mark.parametrize("name", ["summary.json", ".zsmoseg.json", "00004.png", "done.json"])
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [
+        ("summary.json", errno.ENOSPC),
+        ("summary.json", errno.EACCES),
+        (".zsmoseg.json", errno.ENOSPC),
+        (".zsmoseg.json", errno.EROFS),
+        ("00004.png", errno.ENOSPC),
+        ("00004.png", errno.EIO),
+        ("done.json", errno.ENOSPC),
+        ("done.json", errno.EROFS),
+    ],
+)
 def test_a_disk_that_refuses_a_file_of_one_video_fails_that_video_only(
     name: str, code: int, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -329,6 +340,15 @@ def test_a_list_of_files_that_cannot_be_written_fails_its_video(
     report = batch(tmp_path)
     assert report.finished == ["bee"]
     one_line(report.failures["ant"], "out/ant: Permission denied", "run the same command again")
+
+
+def test_a_video_whose_name_is_no_text_fails_or_runs_and_the_others_go_on(data: Path, tmp_path: Path) -> None:
+    (data / "ant").rename(Path(os.fsdecode(os.fsencode(data) + b"/caf\xe9")))
+    report = batch(tmp_path)
+    assert "bee" in report.finished
+    for message in report.failures.values():
+        one_line(message, "another encoding than UTF-8")
+    assert len(report.failures) + len(report.finished) == 2
 
 
 def test_what_nobody_expected_keeps_its_trace_in_the_record_and_stays_with_its_video(

@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -28,7 +31,8 @@ from zsmoseg.workflows.running.request import Quiet, Report, Request
 from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.running.workers import Needs, look
 
-BRIEF = 3.0
+ROOT = Path(__file__).parents[1]
+BRIEF = 2.0
 """Patience where nothing is to come."""
 
 
@@ -62,7 +66,7 @@ def test_no_workers_from_the_start_are_waited_for_with_a_word_and_then_given_up(
     code = main(["run", str(clip), "-o", str(tmp_path / "out"), *where])
     err = capsys.readouterr().err
     assert code == 2
-    assert f"waiting for workers of {empty.file} (3 s at most, --patience)" in err
+    assert f"waiting for workers of {empty.file} (2 s at most, --patience)" in err
     (line,) = [line for line in err.splitlines() if line.startswith("zsmoseg:")]
     assert f"no workers of {empty.file} for" in line
     assert "start workers and run the same command again" in line
@@ -89,6 +93,21 @@ def test_workers_that_come_late_go_and_come_again_do_all_the_work(empty: Cluster
     assert len(said) == 2
     assert sorted(state for _, state in came) == ["done"] * 4
     assert len({name for name, _ in came}) == 4
+
+
+@pytest.mark.usefixtures("pretending")
+def test_an_adaptive_cluster_of_somebody_starts_workers_for_the_run_and_stays_open(tmp_path: Path) -> None:
+    from distributed import Client, LocalCluster
+
+    quiet: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "worker_dashboard_address": "127.0.0.1:0"}
+    with LocalCluster(n_workers=0, threads_per_worker=2, host="127.0.0.1", **quiet) as theirs:
+        theirs.adapt(minimum=0, maximum=1, interval="200ms")
+        with Client(theirs) as client:
+            with Dask(client, patience=60) as executor:
+                for part in range(3):
+                    executor.submit(job(part, tmp_path / "log"), [], -part)
+                assert [outcome.state for _, outcome in executor.results()] == ["done"] * 3
+            assert client.status == "running"
 
 
 @pytest.mark.usefixtures("pretending")
@@ -136,6 +155,41 @@ def test_a_result_that_died_with_its_worker_is_made_again_or_given_up(
     else:
         with pytest.raises(ClusterError, match=r"no workers of .* for"):
             all_of_it()
+
+
+@pytest.mark.usefixtures("pretending")
+@pytest.mark.parametrize("wakes", [True, False])
+def test_a_scheduler_that_does_not_answer_is_waited_for_and_then_given_up(
+    wakes: bool, empty: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "CLOSING", 0.2)
+    empty.worker()
+    said: list[str] = []
+
+    def note(text: str) -> None:
+        said.append(text)
+        if wakes:
+            empty.scheduler.send_signal(signal.SIGCONT)
+
+    def all_of_it() -> list[tuple[str, Outcome]]:
+        monkeypatch.setattr(module, "CONNECT", 10.0)
+        with Dask(str(empty.file), patience=60 if wakes else BRIEF, say=note) as executor:
+            executor.submit(job(0, tmp_path / "log", 0.5), [], 0)
+            until(lambda: tries(tmp_path / "log") == [0])
+            monkeypatch.setattr(module, "CONNECT", 1.0)
+            said.clear()
+            empty.scheduler.send_signal(signal.SIGSTOP)
+            return list(executor.results())
+
+    try:
+        if wakes:
+            assert [outcome.state for _, outcome in all_of_it()] == ["done"]
+        else:
+            with pytest.raises(ClusterError, match="no answer of the scheduler"):
+                all_of_it()
+    finally:
+        empty.scheduler.send_signal(signal.SIGCONT)
+    assert len(said) == 1
 
 
 # ------------------------------------------------------------------ killed in the middle of a run
@@ -248,7 +302,8 @@ def test_a_worker_with_another_package_is_named_before_work_starts(
     (tmp_path / "other" / "zsmoseg" / "__init__.py").write_text(package)
     empty.worker("--name", "odd", first=[tmp_path / "other"])
     code = main(["run", str(clip), "-o", str(tmp_path / "out"), "--scheduler", str(empty.file)])
-    (line,) = [x for x in capsys.readouterr().err.splitlines() if x.startswith("zsmoseg:")]
+    err = capsys.readouterr().err
+    (line,) = [x for x in err.splitlines() if x.startswith("zsmoseg:")] or [err]
     assert code == 2
     assert "1 of 1 workers cannot do this work: odd (tcp://127.0.0.1:" in line
     assert problem in line
@@ -324,3 +379,40 @@ def test_nobody_answers_at_an_address(
 def test_a_scheduler_file_that_never_comes(tmp_path: Path) -> None:
     with pytest.raises(ClusterError, match="no scheduler file"), Dask(str(tmp_path / "s.json"), patience=1):
         raise AssertionError("it started")
+
+
+# ------------------------------------------------------------------ the docs
+SRUN = """#!/bin/sh
+"$@" --host 127.0.0.1 & first=$!
+"$@" --host 127.0.0.1 & second=$!
+trap 'kill $first $second' TERM
+wait
+"""
+"""Two tasks on this machine."""
+
+
+def test_the_slurm_script_in_the_docs_runs(clip: Path, tmp_path: Path) -> None:
+    docs = (ROOT / "docs" / "cluster.md").read_text()
+    script = docs.split("<!-- tests/test_cluster.py")[1].split("```bash\n")[1].split("```")[0]
+    zsmoseg = f'#!/bin/sh\nexec {sys.executable} -c "from zsmoseg.workflows.cli import main as m; raise SystemExit(m())" "$@"\n'
+    dask = f'#!/bin/sh\nexec {sys.executable} -m dask "$@"\n'
+    for name, text in (("srun", SRUN), ("zsmoseg", zsmoseg), ("dask", dask), ("job.sh", script)):
+        (tmp_path / name).write_text(text)
+        (tmp_path / name).chmod(0o755)
+    given = {
+        "PATH": f"{tmp_path}:{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT),
+        "SLURM_JOB_ID": "7",
+        "ZSMOSEG_DATA": str(clip),
+        "ZSMOSEG_OUT": str(tmp_path / "out"),
+        "ZSMOSEG_STORE": str(tmp_path / "store"),
+    }
+    found = subprocess.run(
+        ["bash", "job.sh"], cwd=tmp_path, env=os.environ | given, capture_output=True, text=True, timeout=120
+    )
+    assert found.returncode == 0, found.stderr
+    assert (tmp_path / "out" / "disc" / "summary.json").exists()
+    kinds = [json.loads(line)["event"] for line in (tmp_path / "events-7.jsonl").read_text().splitlines()]
+    assert kinds[0] == "planned"
+    assert kinds[-2:] == ["finished", "ended"]
+    assert not (tmp_path / "scheduler-7.json").exists()

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+from io import TextIOWrapper
 from types import ModuleType
 from typing import NoReturn
 
@@ -33,6 +34,12 @@ COMMANDS = {
 }
 
 
+EXIT = (
+    "exit codes: 0 done; 1 some videos failed after the start, or verify found something; 2 nothing was started, the line "
+    "says why; 130 stopped by Ctrl-C or SIGTERM, what was finished is kept"
+)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command.
 
@@ -42,6 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     by Ctrl-C or SIGTERM.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if isinstance(sys.stdout, TextIOWrapper):  # names of files need not be text
+        sys.stdout.reconfigure(errors="backslashreplace")
     command = words[0] if words and words[0] in COMMANDS else None
     try:
         parser = _parser(command)
@@ -87,12 +96,14 @@ class _Parser(argparse.ArgumentParser):
 def _parser(command: str | None) -> argparse.ArgumentParser:
     """The parser; only the called command's options are built."""
     parser = _Parser(
-        "zsmoseg", description="Finds what moves by itself in a video from a moving camera, without training."
+        "zsmoseg",
+        description="Finds what moves by itself in a video from a moving camera, without training.",
+        epilog=EXIT,
     )
     parser.add_argument("--version", action="version", version=f"zsmoseg {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", title="commands")
     for name, what in COMMANDS.items():
-        sub = commands.add_parser(name, help=what, description=what)
+        sub = commands.add_parser(name, help=what, description=what, epilog=EXIT)
         if name == command:
             _module(name).options(sub)
     return parser

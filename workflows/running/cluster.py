@@ -137,13 +137,17 @@ class Dask:
                 self._wait(begun, f"workers of {self._name}", "start workers")
                 time.sleep(TICK)
             hello.release()
-        self._watch(self._present())
+        self._watch(self._present() or {})
 
-    def _present(self) -> dict[str, Any]:
-        """The workers by address, as the scheduler sees them."""
+    def _present(self) -> dict[str, Any] | None:
+        """The workers by address, as the scheduler sees them; None where it does not answer, as when it is busy."""
         if self._client.status != "running":
             raise ClusterError(f"the scheduler of {self._name} is gone; {AGAIN}")
-        found: dict[str, Any] = within(CONNECT, lambda: self._client.scheduler_info(n_workers=-1))["workers"]
+        try:
+            info = within(CONNECT, lambda: self._client.scheduler_info(n_workers=-1))
+        except (ClusterError, OSError):
+            return None
+        found: dict[str, Any] = info["workers"]
         return found
 
     @property
@@ -165,26 +169,42 @@ class Dask:
             self._told = True
             self._say(f"waiting for {what} ({self._patience:.0f} s at most, --patience)")
 
-    def _watch(self, present: dict[str, Any]) -> None:
-        """Look at workers that are new, start those of ours that died, wait for those that lack."""
+    def _watch(self, present: dict[str, Any] | None) -> None:
+        """Look at workers that are new, start those of ours that died, wait for what lacks."""
         self._looked = time.monotonic()
-        new = present.keys() - self._known
-        if new and self._needs is not None:
-            refuse(problems(self._client, sorted(new), self._needs), present)
-        self._known = set(present)
+        if present is None:
+            self._lacks(f"answer of the scheduler of {self._name}", "look what it does")
+            return
+        self._look_at_new(present)
         with_gpu = {address for address, worker in present.items() if GPU in worker["resources"]}
         self._gpu = bool(with_gpu) or self._gpu
         if self._cluster is not None and len(present) < cores(self._workers):
             self._cluster.scale(
                 cores(self._workers)
             )  # nannies that were killed too do not come back by themselves
-        lacks_gpu = any(self._open.values()) and not with_gpu
-        if present and not lacks_gpu:
+        if not present:
+            self._lacks(f"workers of {self._name}", "start workers")
+        elif any(self._open.values()) and not with_gpu:
+            self._lacks(f"workers of {self._name} with a GPU (--resources GPU=1)", "start workers")
+        else:
             self._empty_since, self._told = None, False
-            return
+
+    def _lacks(self, what: str, cure: str) -> None:
         self._empty_since = self._empty_since or self._looked
-        what = f"workers of {self._name}" + (" with a GPU (--resources GPU=1)" if present else "")
-        self._wait(self._empty_since, what, "start workers")
+        self._wait(self._empty_since, what, cure)
+
+    def _look_at_new(self, present: dict[str, Any]) -> None:
+        new, first = present.keys() - self._known, not self._known
+        self._known |= new
+        if not new or self._needs is None:
+            return
+        try:
+            found = problems(self._client, sorted(new), self._needs)
+        except ClusterError as error:
+            if first:
+                raise ClusterError(f"the workers of {self._name} do not answer: {error}; {AGAIN}") from error
+            return  # they came and went
+        refuse(found, present)
 
     # ------------------------------------------------------------------ jobs
     def submit(self, job: Job, before: Sequence[str], priority: int) -> None:
@@ -231,11 +251,7 @@ class Dask:
     def _look(self, every: float) -> None:
         if time.monotonic() - self._looked < every:
             return
-        try:
-            present = self._present()
-        except (ClusterError, OSError) as error:
-            raise ClusterError(f"the scheduler of {self._name} does not answer ({error}); {AGAIN}") from error
-        self._watch(present)
+        self._watch(self._present())
         while self._lost:
             self._notify(self._lost.pop())
 

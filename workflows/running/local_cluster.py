@@ -11,8 +11,9 @@ from typing import Any
 from zsmoseg.errors import ClusterError
 from zsmoseg.workflows.planning.estimate import cores
 
-ALLOCATOR = {"MALLOC_TRIM_THRESHOLD_": 2**30, "MALLOC_MMAP_THRESHOLD_": 2**30}
-"""Bytes. Dask's 64 KiB gives every image-sized array back to the system at once, and the next one faults its pages in anew."""
+ALLOCATOR = {"MALLOC_TRIM_THRESHOLD_": 2**28, "MALLOC_MMAP_THRESHOLD_": 2**25}
+"""Bytes, for glibc. Dask's 64 KiB gives every image-sized array back to the system at once, and the next one faults its
+pages in anew (benchmarks/allocator.py); 32 MiB is the most that every glibc takes for the second."""
 
 
 def start(workers: int | None, stack: ExitStack) -> Any:
