@@ -41,6 +41,11 @@ class Output:
         self.files: dict[str, dict[str, Any]] = content["files"]
         self.stages: dict[str, dict[str, Any]] = content["stages"]
 
+    @property
+    def foreign(self) -> bool:
+        """Whether the list is of another source; the fingerprint counts, people may call a video otherwise."""
+        return self.owner is not None and self.owner[-DIGITS:] != self.video[-DIGITS:]
+
     def refuse_foreign(self, ours: Iterable[str] = (), store: Store | None = None) -> None:
         """Raise ``OutputError`` if the folder is not ours to write in.
 
@@ -57,9 +62,9 @@ class Output:
         for path in (self.path, *self.path.parents):
             if files.exists(path) and not files.is_folder(path):
                 raise OutputError(f"{path}: is a file; give another output folder (-o)")
-        if self.owner not in (None, self.video) and self._described():
+        if self.foreign and self._described():
             self._lose_list()
-        if self.owner not in (None, self.video) and self.files:
+        if self.foreign and self.files:
             raise OutputError(
                 f"{self.path}: holds the result of another source ({self.owner}, this is {self.video}); "
                 "give another output folder (-o) or remove it"
@@ -84,7 +89,10 @@ class Output:
             return True
         if self._described():
             return True
-        return store is not None and outputs(store).get(files.absolute(self.path)) == self.video
+        return (
+            store is not None
+            and outputs(store).get(files.absolute(self.path), "")[-DIGITS:] == self.video[-DIGITS:]
+        )
 
     def _described(self) -> bool:
         """Whether the summary is one of this video."""
@@ -212,7 +220,7 @@ def known_outputs(store: Store) -> Iterator[tuple[Output, list[Damage]]]:
         output = Output(path, video)
         if not output.listed:
             yield output, [Damage(path / LIST, None, "is missing or damaged")]
-        elif output.owner != video:
+        elif output.foreign:
             yield output, [Damage(path / LIST, None, f"lists the files of another source ({output.owner})")]
         else:
             yield output, [Damage(path / name, None, what) for name, what in output.damages()]

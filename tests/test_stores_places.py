@@ -91,7 +91,10 @@ def test_a_store_may_be_moved_and_a_video_renamed(done: Path, tmp_path: Path) ->
         assert not any(part_problem(artifact, i) for i in range(len(artifact.parts)))
     (ant,) = [v for v in store.videos() if v.startswith("ant")]
     (store.path / ant).rename(store.path / f"emmet-{ant.split('-')[1]}")
-    _, counter = segment([tmp_path / "moved/clips/ant", tmp_path / "moved/clips/bee"], tmp_path / "moved")
+    report, counter = segment(
+        [tmp_path / "moved/clips/ant", tmp_path / "moved/clips/bee"], tmp_path / "moved"
+    )
+    assert not report.failures
     assert not counter.stages
 
 
