@@ -20,11 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from zsmoseg.stores import files
-from zsmoseg.stores.records import recall_record
+from zsmoseg.stores.records import RECORDS, recall_record
 
 AGAIN = "run the same command again"
-RECORDS = "records"
-"""The folder of an artifact that holds what is not Zarr."""
 
 
 @dataclass(frozen=True)

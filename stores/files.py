@@ -156,8 +156,8 @@ def folders(path: Path) -> list[Path]:
 
 
 def matching(path: Path, pattern: str) -> list[Path]:
-    """What is in a folder and has a name like ``pattern``, in order of the names."""
-    return sorted(path.glob(pattern))
+    """What is in a folder and has a name like ``pattern``, in order of the names; no links."""
+    return sorted(inside for inside in path.glob(pattern) if not inside.is_symlink())
 
 
 def inside(path: Path) -> list[Path]:

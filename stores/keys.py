@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-FORMAT = 2
+FORMAT = 3
 """Version of the layout of a store; another one is refused. It is part of every key."""
 
 

@@ -57,6 +57,8 @@ class Output:
         for path in (self.path, *self.path.parents):
             if files.exists(path) and not files.is_folder(path):
                 raise OutputError(f"{path}: is a file; give another output folder (-o)")
+        if self.owner not in (None, self.video) and self._described():
+            self._lose_list()
         if self.owner not in (None, self.video) and self.files:
             raise OutputError(
                 f"{self.path}: holds the result of another source ({self.owner}, this is {self.video}); "
@@ -80,10 +82,19 @@ class Output:
         """Whether a folder without a list was this video's: by a list that is damaged, the summary, or the runs."""
         if files.exists(self.path / LIST) and not files.is_link(self.path / LIST):
             return True
-        fingerprint = str((read_json(self.path / SUMMARY) or {}).get("fingerprint"))
-        if fingerprint[:DIGITS] == self.video[-DIGITS:]:
+        if self._described():
             return True
         return store is not None and outputs(store).get(files.absolute(self.path)) == self.video
+
+    def _described(self) -> bool:
+        """Whether the summary is one of this video."""
+        path = self.path / SUMMARY
+        found = None if files.is_link(path) else read_json(path)
+        return str((found or {}).get("fingerprint"))[:DIGITS] == self.video[-DIGITS:]
+
+    def _lose_list(self) -> None:
+        """The list is that of another folder."""
+        self.listed, self.owner, self.files, self.stages = False, None, {}, {}
 
     def problem(self, names: Iterable[str], key: str) -> str | None:
         """Why the files ``names`` cannot stay as they are: missing, of other content, of another key.
@@ -190,7 +201,7 @@ def _is_description(about: object) -> bool:
 
 
 def known_outputs(store: Store) -> Iterator[tuple[Output, list[Damage]]]:
-    """The folders that runs of a store wrote to and that are still theirs, and what is wrong with each.
+    """The folders that runs of a store wrote to, and what is wrong with each.
 
     A folder that is gone was taken away by whoever it belongs to.
     """
@@ -201,5 +212,7 @@ def known_outputs(store: Store) -> Iterator[tuple[Output, list[Damage]]]:
         output = Output(path, video)
         if not output.listed:
             yield output, [Damage(path / LIST, None, "is missing or damaged")]
-        elif output.owner == video:
+        elif output.owner != video:
+            yield output, [Damage(path / LIST, None, f"lists the files of another source ({output.owner})")]
+        else:
             yield output, [Damage(path / name, None, what) for name, what in output.damages()]

@@ -1,6 +1,7 @@
 """Small JSON files that appear whole or not at all. Standard library only.
 
-A *record* carries a checksum of its content: cut off, emptied or changed by a flipped bit, it reads as None.
+A *record* carries a checksum of its content and of the place where it lies: cut off, emptied, changed by a flipped bit,
+or brought there from another video, stage, key or part, it reads as None.
 """
 
 from __future__ import annotations
@@ -13,6 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from zsmoseg.stores import files
+
+RECORDS = "records"
+"""The folder of an artifact that has its records."""
+FINGERPRINT = 16
+"""Characters at the end of a folder's name that count: of a video those of its fingerprint."""
 
 
 def read_json(path: Path) -> dict[str, Any] | None:
@@ -41,7 +47,7 @@ def read_record(path: Path) -> dict[str, Any] | None:
     if value is None:
         return None
     noted = value.pop("checksum", None)
-    return value if noted == checksum(value) else None
+    return value if noted == _stamp(path, value) else None
 
 
 def write_record(path: Path, value: Mapping[str, Any], sync: bool = False) -> None:
@@ -55,7 +61,19 @@ def write_record(path: Path, value: Mapping[str, Any], sync: bool = False) -> No
         If ``value`` holds NaN or infinity.
     """
     content = as_json(value)
-    write_json(path, {**content, "checksum": checksum(content)}, sync)
+    write_json(path, {**content, "checksum": _stamp(path, content)}, sync)
+
+
+def _stamp(path: Path, content: Mapping[str, Any]) -> str:
+    """The checksum of a record, for the place where it lies.
+
+    The place is what stands below the store: a store may be moved. Of a video's folder the end counts, which is its
+    fingerprint: people may call it otherwise.
+    """
+    depth = 5 if path.parent.name == RECORDS else 2
+    return checksum(
+        {"place": [name[-FINGERPRINT:] for name in path.parts[-depth:-1]] + [path.name], **content}
+    )
 
 
 def as_json(value: Mapping[str, Any]) -> dict[str, Any]:

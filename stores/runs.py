@@ -80,7 +80,7 @@ def run_path(store: Store, run: str) -> Path:
 
 def run_ids(store: Store) -> list[str]:
     """The ids of all runs, the latest last; those with a damaged record too."""
-    return [path.stem for path in files.matching(store.runs, "*.json") if not files.is_link(path)]
+    return [path.stem for path in files.matching(store.runs, "*.json")]
 
 
 def read_run(store: Store, run: str) -> dict[str, Any] | None:

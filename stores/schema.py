@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from zsmoseg.stores.artifact import RECORDS
 from zsmoseg.stores.fields import TIMES, Codec, Field
+from zsmoseg.stores.records import RECORDS
 
 if TYPE_CHECKING:
     from types import ModuleType

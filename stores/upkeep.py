@@ -121,7 +121,7 @@ def take_back(store: Store, deep: bool = True) -> list[Damage]:
             artifact.unseal()
             artifact.invalidate([] if damage.part is None else [damage.part])
     for output, damages in known_outputs(store):
-        if output.listed:
+        if output.owner == output.video:
             output.forget([damage.path.relative_to(output.path).as_posix() for damage in damages])
         found += damages
     return found

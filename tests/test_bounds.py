@@ -142,6 +142,35 @@ def test_a_jpeg_that_states_too_large_a_size_is_not_decoded(tmp_path: Path) -> N
             pixels(str(path))
 
 
+def _bmp(data: bytearray) -> None:
+    struct.pack_into("<ii", data, 18, 60_000, 60_001)
+
+
+def _tif(data: bytearray) -> None:
+    for tag in (256, 257):
+        struct.pack_into("<I", data, data.index(struct.pack("<HHI", tag, 4, 1)) + 8, 60_000)
+
+
+def _webp(data: bytearray) -> None:
+    """Lossless: 14 bits for each side less one."""
+    struct.pack_into("<I", data, data.index(b"VP8L") + 9, 16_383 | 16_383 << 14)
+
+
+@pytest.mark.parametrize(("ending", "enlarge"), [("bmp", _bmp), ("tif", _tif), ("webp", _webp)])
+def test_other_images_that_state_too_large_a_size_are_not_decoded(
+    ending: str, enlarge: Callable[[bytearray], None], tmp_path: Path
+) -> None:
+    path = tmp_path / f"00000.{ending}"
+    Image.fromarray(draw_clip(0, 2)[0][0]).save(path, lossless=True)
+    assert image_size(str(path)) == (160, 120)
+    data = bytearray(path.read_bytes())
+    enlarge(data)
+    path.write_bytes(bytes(data))
+    for look in (image_size, pixels):
+        with pytest.raises(VideoError, match=r"00000\.\w+: is .*(px wide|too large)"):
+            look(str(path))
+
+
 def test_a_video_file_that_states_too_large_a_size_is_refused_before_a_frame_is_decoded(
     tmp_path: Path,
 ) -> None:

@@ -307,6 +307,24 @@ def test_links_that_we_did_not_make_are_not_written_through(
             work(root / "area", forget=seed % 2 == 1)
 
 
+@pytest.mark.parametrize(
+    "place", ["cat-0123456789abcdef", "disc-*/flow/k", "disc-*/flow", "fingerprints/x.json"]
+)
+def test_gc_goes_round_a_link_and_removes_what_is_garbage(place: str, sandbox: Sandbox, area: Path) -> None:
+    folder = next((area / "store").glob("disc-*"))
+    link, target = area / "store" / place.replace("disc-*", folder.name), sandbox.root / "outside" / "target"
+    if link.exists():
+        link.rename(target)
+    else:
+        shutil.copytree(next(folder.glob("flow/*")), target)
+    link.symlink_to(target)
+    run = run_record(area).stem
+    with sandbox.untouched():
+        assert main(["gc", "--yes", "--store", str(area / "store"), "--forget", run]) == 0
+    assert not folder.exists()
+    assert link.is_symlink() or not link.parent.exists()
+
+
 @pytest.mark.parametrize("place", ["out", "out/disc", "out/disc/masks", "out/disc/.zsmoseg.json"])
 def test_an_output_folder_that_is_a_link_is_refused(place: str, sandbox: Sandbox, area: Path) -> None:
     path, target = area / place, sandbox.root / "outside" / "target"

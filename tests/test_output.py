@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
@@ -128,6 +129,55 @@ def test_a_folder_of_somebody_else_with_the_same_names_is_no_lost_result(root: P
     with pytest.raises(OutputError, match="was not made by zsmoseg"):
         segment(root / "disc", tmp_path / "other")
     assert len(list(other.iterdir())) == 4
+
+
+def test_a_list_of_another_folder_is_no_list(root: Path) -> None:
+    """Exchanged by whoever copies results about."""
+    write_folder(root / "more" / "cat", draw_clip(1, 4, 96, 128)[0])
+    segment(root / "more" / "cat", root)
+    one, two = root / "out" / "disc" / LIST, root / "out" / "cat" / LIST
+    before = {p: p.read_bytes() for p in (root / "out").rglob("*.png")}
+    one.rename(root / "list")
+    two.rename(one)
+    (root / "list").rename(two)
+    damages = verify(Store.open(root / "store", create=False))
+    assert {d.path for d in damages} == {one, two}
+    assert all("lists the files of another source" in d.what for d in damages)
+    for clip in (root / "disc", root / "more" / "cat"):
+        segment(clip, root)
+    assert verify(Store.open(root / "store", create=False)) == []
+    assert {p: p.read_bytes() for p in (root / "out").rglob("*.png")} == before
+
+
+def test_whatever_becomes_of_the_files_is_found_and_mended(root: Path) -> None:
+    """A campaign: some files at once are harmed, or exchanged with one another."""
+    rng, out, harmed = Random(0), root / "out" / "disc", 0
+    before = {p: p.read_bytes() for p in out.rglob("*.*") if p.suffix in (".png", ".mp4", ".csv")}
+    for _ in range(12):
+        for path in rng.sample(sorted(before), 8):
+            harm = rng.choice([delete, empty, truncate, flip, exchange])
+            if harm is exchange:
+                other = next(p for p in rng.sample(sorted(before), len(before)) if p != path and p.exists())
+                exchange(path, other)
+            else:
+                harm(path)
+            harmed += 1
+        wrong = {p for p, data in before.items() if not p.exists() or p.read_bytes() != data}
+        store = Store.open(root / "store", create=False)
+        assert {d.path for d in verify(store)} == wrong
+        if rng.random() < 0.5:
+            take_back(store)
+        segment(root / "disc", root)
+        assert {p: p.read_bytes() for p in before} == before
+        assert verify(store) == []
+    assert harmed == 96
+
+
+def exchange(path: Path, other: Path) -> None:
+    between = path.with_name("between")
+    path.rename(between)
+    other.rename(path)
+    between.rename(other)
 
 
 def test_a_result_that_was_taken_away_is_no_damage_and_neither_is_one_of_another_source(root: Path) -> None:

@@ -35,6 +35,7 @@ from zsmoseg.stores.checks import check, joined_problem, part_problem
 from zsmoseg.stores.dataset import open_dataset
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.reader import read_video
+from zsmoseg.stores.records import read_record, write_record
 from zsmoseg.stores.upkeep import take_back, verify
 
 Harm = Callable[[Path], None]
@@ -205,6 +206,10 @@ def test_what_a_killed_writer_left_is_gone_when_the_part_is_written_again(store:
 def test_a_record_of_other_frames_than_the_part_has_does_not_count(store: Store) -> None:
     artifact = make_artifact(store)
     artifact.record_path(0).write_bytes(artifact.record_path(1).read_bytes())
+    assert part_problem(artifact, 0) == "its record is damaged", "it is that of another place"
+    other = read_record(artifact.record_path(1))
+    assert other is not None
+    write_record(artifact.record_path(0), other)
     assert part_problem(artifact, 0) == "the video was cut in another way"
     with pytest.raises(StoreError, match="part 0: the video was cut in another way"):
         seal_it(artifact)
