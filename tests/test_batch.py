@@ -6,6 +6,7 @@ import ctypes
 import errno
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -176,6 +177,12 @@ def test_one_torn_video_fails_by_name_and_the_command_printed_mends_it(
 def test_the_command_to_go_on_can_be_pasted() -> None:
     assert again(["run", "a b", "--set", "x=1"]) == "zsmoseg run 'a b' --set x=1 --retry-failed"
     assert again(["run", "a", "--retry-failed"]) == "zsmoseg run a --retry-failed"
+    for words in (
+        ["run", "a", "--from", "flow", "--until", "x"],
+        ["run", "a", "--from=flow", "--until", "x"],
+    ):
+        assert again(words) == "zsmoseg run a --until x --retry-failed"
+        assert again(words, laid_out=False) == shlex.join(["zsmoseg", *words, "--retry-failed"])
 
 
 def test_videos_that_failed_for_one_reason_share_a_row() -> None:
@@ -484,6 +491,25 @@ def test_a_batch_system_that_ends_the_job_is_obeyed_like_ctrl_c(data: Path, tmp_
     assert process.wait() == 130
     assert rest.splitlines()[-1] == "zsmoseg: interrupted; what was finished is kept"
     assert "Traceback" not in rest
+
+
+def test_a_batch_of_which_nothing_can_be_planned_was_not_started(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("ant", "bee"):
+        (data / name / "00003.png").write_bytes(b"")
+    assert main(["run", str(data), "-o", str(tmp_path / "out"), "--scheduler", "serial"]) == 2
+    one_line(capsys.readouterr().err.strip(), "none of the 2 videos can be run; the first:", "ant/00003.png")
+
+
+def test_sources_that_cannot_be_make_no_store(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for word in ("no.mp4", "a\0b", "*.mp4"):
+        assert main(["run", word]) == 2
+        one_line(capsys.readouterr().err.strip())
+    assert not list(tmp_path.iterdir())
 
 
 # ------------------------------------------------------------------ settings of others
