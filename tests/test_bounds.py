@@ -268,6 +268,17 @@ def _slim_flo(folder: Path) -> Any:
     return open_flow(folder).read(0)
 
 
+def _many_arrays(folder: Path) -> Any:
+    """Each of a size that is believed, all together 2.5 GB; they are zeros, and take 3 MB packed."""
+    with zipfile.ZipFile(folder / "a.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name in ("frame", "score", "packed", "size", "more"):
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                file.write(head_of((1 << 26, 1 << 3), "|u1")[:-64])
+                for _ in range(1 << 5):
+                    file.write(bytes(1 << 24))
+    return open_masks(folder / "a.npz")
+
+
 CASES: dict[str, tuple[Callable[[Path], Any], str]] = {
     "png of ids": (_masks_png, "1 px wide and 100000 px high"),
     "png bomb": (_masks_bomb, "too large"),
@@ -289,6 +300,7 @@ CASES: dict[str, tuple[Callable[[Path], Any], str]] = {
     "depth npy of negative sides": (lambda f: open_depth(array(f / "0.npy", (-4, -4)).parent).read(0), "shape"),
     "depth exr": (lambda f: open_depth(exr(f / "0.exr", 60_000, 60_000).parent).read(0), "px wide"),
     "depth exr of negative size": (lambda f: open_depth(exr(f / "0.exr", -5, 7).parent).read(0), "px wide"),
+    "many arrays": (_many_arrays, "would take 2.7 GB at once; at most 2.1 GB"),
     "objects": (lambda f: open_masks(array(f / "a.npy", (3, 4, 4), "|O")), "cannot be read"),
 }  # fmt: skip
 

@@ -31,6 +31,7 @@ from zsmoseg.video.plain_names import stays
 from zsmoseg.video.sources import title, unique_names
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.export.exporting import choose, export
+from zsmoseg.workflows.imports.record import brought_before
 from zsmoseg.workflows.models.unpacking import unpack
 from zsmoseg.workflows.result import open_store
 from zsmoseg.workflows.running.request import Report, Request
@@ -346,6 +347,29 @@ def test_a_store_that_the_user_reaches_through_a_link_is_used(area: Path, tmp_pa
     _, counter = segment(area / "disc", area, SMALL)
     assert counter.parts == []
     assert main(["verify", "--store", str(area / "store")]) == 0
+
+
+def test_nothing_is_exported_through_a_link(sandbox: Sandbox, area: Path) -> None:
+    result = open_store(area / "store")["disc"]
+    for place in ("exported", "exported/disc", "exported/flow"):
+        shutil.rmtree(area / "exported", ignore_errors=True)
+        link = area / place
+        link.parent.mkdir(exist_ok=True)
+        link.symlink_to(sandbox.root / "outside")
+        with sandbox.untouched(), pytest.raises(ZsmosegError, match="is a link"):
+            list(export([result], area / "exported", choose("flo" if link.name == "flow" else "davis")))
+        link.unlink()
+
+
+@pytest.mark.parametrize(
+    "entry", [{"path": 3}, {"path": "a", "fingerprint": "b", "kind": None}, "a", {}, [1]]
+)
+def test_what_was_imported_before_has_a_form(entry: Any, area: Path) -> None:
+    store = Store.open(area / "store", create=False)
+    (video,) = store.videos()
+    write_record(store.video(video).path / "imports.json", {"flow": entry})
+    with pytest.raises(ZsmosegError, match=r"imports\.json: is damaged; zsmoseg import again"):
+        brought_before(store, video)
 
 
 def test_what_is_written_anew_leaves_its_hard_links_as_they_were(tmp_path: Path) -> None:

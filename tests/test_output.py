@@ -133,20 +133,21 @@ def test_a_folder_of_somebody_else_with_the_same_names_is_no_lost_result(root: P
 
 def test_a_list_of_another_folder_is_no_list(root: Path) -> None:
     """Exchanged by whoever copies results about."""
-    write_folder(root / "more" / "cat", draw_clip(1, 4, 96, 128)[0])
-    segment(root / "more" / "cat", root)
-    one, two = root / "out" / "disc" / LIST, root / "out" / "cat" / LIST
-    before = {p: p.read_bytes() for p in (root / "out").rglob("*.png")}
+    write_folder(root / "more" / "disc", draw_clip(1, 4, 96, 128)[0])
+    segment(root / "more" / "disc", root, out=root / "other")
+    one, two = root / "out" / "disc" / LIST, root / "other" / "disc" / LIST
+    before = {p: p.read_bytes() for p in root.rglob("o*/**/*.png")}
     one.rename(root / "list")
     two.rename(one)
     (root / "list").rename(two)
     damages = verify(Store.open(root / "store", create=False))
     assert {d.path for d in damages} == {one, two}
     assert all("lists the files of another source" in d.what for d in damages)
-    for clip in (root / "disc", root / "more" / "cat"):
-        segment(clip, root)
+    segment(root / "disc", root)
+    segment(root / "more" / "disc", root, out=root / "other")
     assert verify(Store.open(root / "store", create=False)) == []
-    assert {p: p.read_bytes() for p in (root / "out").rglob("*.png")} == before
+    assert len(before) == 16
+    assert {p: p.read_bytes() for p in before} == before
 
 
 def test_whatever_becomes_of_the_files_is_found_and_mended(root: Path) -> None:

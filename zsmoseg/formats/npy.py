@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from zsmoseg.errors import FormatError
-from zsmoseg.video.bounds import check_bytes
+from zsmoseg.video.bounds import BYTES, check_bytes
 
 Array = np.ndarray[Any, Any]
 DAMAGED = (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, SyntaxError)
@@ -84,23 +84,26 @@ def _head(stream: IO[bytes]) -> Head:
 
 
 def _check_heads(path: Path) -> None:
-    """Raise ``ValueError`` if an array says that it holds more than is there, or than may be in memory at once."""
+    """Raise ``ValueError`` if arrays say that they hold more than is there, or than may be in memory at once."""
+    total = 0
     if not zipfile.is_zipfile(path):
         with path.open("rb") as stream:
-            _check_head(stream, path.stat().st_size, "the array")
-        return
-    with zipfile.ZipFile(path) as archive:
-        for member in archive.infolist():
-            with archive.open(member) as stream:
-                _check_head(stream, member.file_size, member.filename)
+            total += _stated(stream, path.stat().st_size, "the array")
+    else:
+        with zipfile.ZipFile(path) as archive:
+            for member in archive.infolist():
+                with archive.open(member) as stream:
+                    total += _stated(stream, member.file_size, member.filename)
+    check_bytes(total, "what it holds", 2 * BYTES)
 
 
-def _check_head(stream: IO[bytes], size: int, what: str) -> None:
+def _stated(stream: IO[bytes], size: int, what: str) -> int:
+    """Bytes of an array by its head, which are there."""
     shape, _, dtype = _head(stream)
     stated, held = math.prod(shape) * dtype.itemsize, size - stream.tell()
     if stated > held:
         raise ValueError(f"{what} states {stated} bytes of numbers and holds {held}")
-    check_bytes(stated, what)
+    return stated
 
 
 class Rows:

@@ -15,7 +15,7 @@ SIDE, PIXELS = 1 << 15, 1 << 26
 SLIM, LONG = 64, 1024
 """How many times longer one side may be than the other, where it is longer than this (px)."""
 BYTES = 1 << 30
-"""Of numbers of a file that are in memory at once."""
+"""Of one frame in memory at once, whatever a file holds of it; of a file that is read as a whole twice that."""
 
 warnings.filterwarnings("error", category=Image.DecompressionBombWarning)
 
@@ -48,11 +48,11 @@ def check_size(height: int, width: int) -> None:
         raise TooLarge(f"is {width} px wide and {height} px high; {bound}")
 
 
-def check_bytes(count: int, what: str) -> None:
+def check_bytes(count: int, what: str, most: int = BYTES) -> None:
     """Raise ``TooLarge`` if ``what`` is more than may be in memory at once."""
-    if count > BYTES:
+    if count > most:
         raise TooLarge(
-            f"{what} would take {count / 1e9:.1f} GB at once; at most {BYTES / 1e9:.1f} GB are read"
+            f"{what} would take {count / 1e9:.1f} GB at once; at most {most / 1e9:.1f} GB are read"
         )
 
 
