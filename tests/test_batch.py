@@ -6,6 +6,7 @@ import ctypes
 import errno
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -30,7 +31,7 @@ from zsmoseg.workflows.planning.estimate import Estimate
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.choosing import choose
 from zsmoseg.workflows.running.local_paths import local_folder
-from zsmoseg.workflows.running.progress import failure_lines
+from zsmoseg.workflows.running.progress import Bars, Course, Lines, failure_lines
 from zsmoseg.workflows.running.request import Choice, Quiet, Report, Request
 from zsmoseg.workflows.running.run import run
 
@@ -176,6 +177,12 @@ def test_one_torn_video_fails_by_name_and_the_command_printed_mends_it(
 def test_the_command_to_go_on_can_be_pasted() -> None:
     assert again(["run", "a b", "--set", "x=1"]) == "zsmoseg run 'a b' --set x=1 --retry-failed"
     assert again(["run", "a", "--retry-failed"]) == "zsmoseg run a --retry-failed"
+    for words in (
+        ["run", "a", "--from", "flow", "--until", "x"],
+        ["run", "a", "--from=flow", "--until", "x"],
+    ):
+        assert again(words) == "zsmoseg run a --until x --retry-failed"
+        assert again(words, laid_out=False) == shlex.join(["zsmoseg", *words, "--retry-failed"])
 
 
 def test_videos_that_failed_for_one_reason_share_a_row() -> None:
@@ -187,6 +194,36 @@ def test_videos_that_failed_for_one_reason_share_a_row() -> None:
 
 
 # ------------------------------------------------------------------ what is told
+def test_the_course_of_a_batch_is_told_with_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    course = Course()
+    course.videos, course.parts, course.failed = 90, 3600, 1
+    assert course.words() == "0 of 90 videos, 1 failed, 0 of 3600 parts"
+    course.finished, course.done, now[0] = 12, 480, 1200.0
+    assert course.words() == "12 of 90 videos, 1 failed, 480 of 3600 parts, about 2.2 h left"
+    course.done = 3599
+    assert course.words().endswith("about 0 s left")
+    course.finished, course.done = 89, 3600
+    assert course.words() == "89 of 90 videos, 1 failed, 3600 of 3600 parts"
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_batch_says_how_far_it_is(
+    terminal: bool, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (data / "ant" / "00003.png").write_bytes(b"\x89PNG torn")
+    with Bars() if terminal else Lines() as watcher:
+        batch(tmp_path, watcher)
+        if terminal:
+            assert isinstance(watcher, Bars)
+            (task,) = watcher.progress.tasks
+            assert (task.completed, task.total) == (watcher.course.parts, watcher.course.parts)
+    assert (watcher.course.finished, watcher.course.failed) == (1, 1)
+    if not terminal:
+        assert "1 of 2 videos, 1 failed" in capsys.readouterr().err
+
+
 def read_events(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text().splitlines()]
 
@@ -454,6 +491,25 @@ def test_a_batch_system_that_ends_the_job_is_obeyed_like_ctrl_c(data: Path, tmp_
     assert process.wait() == 130
     assert rest.splitlines()[-1] == "zsmoseg: interrupted; what was finished is kept"
     assert "Traceback" not in rest
+
+
+def test_a_batch_of_which_nothing_can_be_planned_was_not_started(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("ant", "bee"):
+        (data / name / "00003.png").write_bytes(b"")
+    assert main(["run", str(data), "-o", str(tmp_path / "out"), "--scheduler", "serial"]) == 2
+    one_line(capsys.readouterr().err.strip(), "none of the 2 videos can be run; the first:", "ant/00003.png")
+
+
+def test_sources_that_cannot_be_make_no_store(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for word in ("no.mp4", "a\0b", "*.mp4"):
+        assert main(["run", word]) == 2
+        one_line(capsys.readouterr().err.strip())
+    assert not list(tmp_path.iterdir())
 
 
 # ------------------------------------------------------------------ settings of others

@@ -34,6 +34,12 @@ def say(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, 
     return code, out, err
 
 
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a command makes by default lies in the folder that it is called in: not in the checkout."""
+    monkeypatch.chdir(tmp_path)
+
+
 def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     """The one line that is printed on bad input."""
     code, _, err = say(arguments, capsys)

@@ -347,6 +347,28 @@ def test_what_a_worker_does_not_see_is_named(
     assert gone.split("/")[0] in found
 
 
+@pytest.mark.usefixtures("pretending")
+def test_a_worker_that_comes_later_is_looked_at_too(
+    empty: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "LOOK", 0.1)
+    empty.worker()
+    (tmp_path / "other" / "zsmoseg").mkdir(parents=True)
+    (tmp_path / "other" / "zsmoseg" / "__init__.py").write_text('__version__ = "0.0.1"')
+
+    def all_of_it() -> None:
+        with Dask(str(empty.file), needs=needs(tmp_path)) as executor:
+            for part in range(60):
+                executor.submit(job(part, tmp_path / "log", 0.3), [], -part)
+            empty.worker("--name", "late", first=[tmp_path / "other"])
+            list(executor.results())
+
+    with pytest.raises(
+        ClusterError, match=r"1 of 2 workers cannot do this work: late .* has zsmoseg 0\.0\.1"
+    ):
+        all_of_it()
+
+
 def test_of_many_sources_a_sample_is_looked_at(tmp_path: Path) -> None:
     assert len(Needs.of(tmp_path, tmp_path, [str(n) for n in range(10_000)], []).sources) <= 64
 

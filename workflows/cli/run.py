@@ -207,14 +207,26 @@ def _run(request: Request, options: argparse.Namespace) -> int:
         else:
             report = run(request, watcher)
     videos = len(report.failures) + len(report.finished)
-    for line in failure_lines(report.failures, videos, again(options.words)):
+    planned = report.failures.keys() <= {plan.name for plan in report.plans}
+    for line in failure_lines(report.failures, videos, again(options.words, planned)):
         print(line, file=sys.stderr)
     if not report.failures:
         return 0
     return 1 if report.started else 2
 
 
-def again(words: Sequence[str]) -> str:
-    """The command that does what failed, and nothing else."""
-    retry = [] if "--retry-failed" in words else ["--retry-failed"]
-    return shlex.join(["zsmoseg", *words, *retry])
+def again(words: Sequence[str], laid_out: bool = True) -> str:
+    """The command that does what failed, and nothing else.
+
+    Parameters
+    ----------
+    laid_out
+        The run has taken back what ``--from`` asks for: once more would lose what was finished since.
+    """
+    kept = list(words)
+    while laid_out and "--from" in kept:
+        at = kept.index("--from")
+        del kept[at : at + 2]
+    kept = [word for word in kept if not (laid_out and word.startswith("--from="))]
+    retry = [] if "--retry-failed" in kept else ["--retry-failed"]
+    return shlex.join(["zsmoseg", *kept, *retry])

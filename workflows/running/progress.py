@@ -45,12 +45,50 @@ class Tally:
         ]
 
 
+class Course:
+    """How far a batch is: videos, parts, failures, and how long it may still take."""
+
+    def __init__(self) -> None:
+        self.begun = time.monotonic()
+        self.videos = self.finished = self.failed = 0
+        self.names: set[str] = set()
+        self.parts = self.done = 0
+
+    def planned(self, plans: Sequence[VideoPlan]) -> None:
+        """What there is to do."""
+        self.videos += len(plans)
+        self.names |= {plan.name for plan in plans}
+        self.parts = sum(plan.todo for plan in plans)
+
+    def fails(self, name: str) -> None:
+        """One more; those that could not be planned are no part of the plan."""
+        self.failed += 1
+        self.videos += name not in self.names
+
+    @property
+    def many(self) -> bool:
+        """Whether there is a batch to speak of."""
+        return self.videos > 1
+
+    def words(self) -> str:
+        """``12 of 90 videos, 1 failed, 480 of 3600 parts, about 2.5 h left``."""
+        failed = f", {self.failed} failed" if self.failed else ""
+        text = f"{self.finished} of {self.videos} videos{failed}, {self.done} of {self.parts} parts"
+        if not 0 < self.done < self.parts or self.finished + self.failed == self.videos:
+            return text
+        left = (time.monotonic() - self.begun) / self.done * (self.parts - self.done)
+        hours, minutes = left / 3600, left / 60
+        long = f"{hours:.1f} h" if hours >= 1 else f"{minutes:.0f} min" if minutes >= 1 else f"{left:.0f} s"
+        return f"{text}, about {long} left"
+
+
 class Lines:
     """Plain lines for logs and pipes: the plan, a line a stage, a line a video."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self.stream = stream or sys.stderr
         self.tally = Tally()
+        self.course = Course()
         self.begun = time.monotonic()
 
     def say(self, line: str = "") -> None:
@@ -59,23 +97,38 @@ class Lines:
 
     def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
         """The plan and what it will take."""
+        self.course.planned(plans)
         for line in plan_lines(plans, guess):
             self.say(line)
 
     def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
         """A line when a stage is through."""
-        self.tally.add(plan, stage, part, outcome)
+        self.count(plan, stage, part, outcome)
         if not plan.stages[stage].todo and outcome.state == "done":
             self.say(f"{plan.name}: {stage} done ({time.monotonic() - self.begun:.0f} s)")
 
+    def count(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
+        """Keep what a part took."""
+        self.tally.add(plan, stage, part, outcome)
+        self.course.done += 1
+
     def finished(self, plan: VideoPlan, summary: dict[str, Any] | None) -> None:
-        """A line a video."""
+        """A line a video, and how far the batch is."""
+        self.course.finished += 1
         for line in video_lines(plan, summary):
             self.say(line)
+        self.stands()
 
     def failed(self, name: str, message: str) -> None:
         """A line a failure."""
+        self.course.fails(name)
         self.say(f"failed: {name}: {message}")
+        self.stands()
+
+    def stands(self) -> None:
+        """How far the batch is."""
+        if self.course.many:
+            self.say(self.course.words())
 
     def note(self, text: str) -> None:
         """A line about the run as a whole."""
@@ -111,24 +164,42 @@ class Bars(Lines):
             transient=True,
         )
         self.bars: dict[str, Any] = {}
+        self.all: Any = None
 
     def say(self, line: str = "") -> None:
         """Print one line above the bars."""
         self.console.print(line, markup=False, soft_wrap=True)
 
     def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
-        """Move the bar of the video."""
-        self.tally.add(plan, stage, part, outcome)
+        """Move the bar of the video, and that of the batch."""
+        self.count(plan, stage, part, outcome)
         if plan.name not in self.bars:
             self.bars[plan.name] = self.progress.add_task(plan.name, total=plan.todo + 1, stage=stage)
         self.progress.update(self.bars[plan.name], advance=1, stage=stage)
+        self.stands()
 
     def finished(self, plan: VideoPlan, summary: dict[str, Any] | None) -> None:
         """Take the bar away, leave the line."""
-        bar = self.bars.pop(plan.name, None)
+        self._remove(plan.name)
+        super().finished(plan, summary)
+
+    def failed(self, name: str, message: str) -> None:
+        """Take the bar away, leave the line."""
+        self._remove(name)
+        super().failed(name, message)
+
+    def _remove(self, name: str) -> None:
+        bar = self.bars.pop(name, None)
         if bar is not None:
             self.progress.remove_task(bar)
-        super().finished(plan, summary)
+
+    def stands(self) -> None:
+        """The uppermost bar is that of the batch."""
+        if self.course.many:
+            if self.all is None:
+                self.all = self.progress.add_task("", total=max(self.course.parts, 1), stage="")
+            words = self.course.words().split(", about")[0]
+            self.progress.update(self.all, description=words, completed=self.course.done)
 
     def __enter__(self) -> Self:
         self.progress.start()

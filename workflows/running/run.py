@@ -27,7 +27,7 @@ from zsmoseg.workflows.planning.estimate import (
 )
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan, plan_video
 from zsmoseg.workflows.running.artifacts import plans_record, prepare, seal_video
-from zsmoseg.workflows.running.choosing import choose, nothing_left
+from zsmoseg.workflows.running.choosing import Named, choose, nothing_left
 from zsmoseg.workflows.running.executors import Executor, make_executor
 from zsmoseg.workflows.running.jobs import Job, Outcome
 from zsmoseg.workflows.running.local_paths import local_folder
@@ -42,16 +42,35 @@ IN_FLIGHT = 4
 """Videos whose jobs are with the executor at once."""
 
 
-def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[str, Failure]]:
+def found_in(request: Request) -> list[Named]:
+    """The videos that the sources hold, and their names.
+
+    Raises
+    ------
+    VideoError
+        A source means nothing; two have one name.
+    """
+    found = sources(request.sources)
+    return list(zip(found, unique_names(found), strict=True))
+
+
+def make_plans(
+    request: Request, store: Store, found: Sequence[Named] | None = None
+) -> tuple[list[VideoPlan], dict[str, Failure]]:
     """The plans of all videos that are meant, and what is wrong with those that have none.
+
+    Parameters
+    ----------
+    found
+        What ``found_in`` gives, if that was asked already.
 
     Raises
     ------
     ZsmosegError
         If not one can be planned: the first error; if ``--only`` names no video.
     """
-    found = sources(request.sources)
-    meant = choose(list(zip(found, unique_names(found), strict=True)), request.choice, store)
+    found = found_in(request) if found is None else found
+    meant = choose(found, request.choice, store)
     plans, failures = [], {}
     for source, name in meant:
         try:
@@ -61,7 +80,8 @@ def make_plans(request: Request, store: Store) -> tuple[list[VideoPlan], dict[st
                 raise
             failures[name] = Failure.of(error, source)
     if failures and not plans:
-        raise StageError(next(iter(failures.values())).message)
+        first, many = next(iter(failures.values())).message, len(failures)
+        raise StageError(first if many == 1 else f"none of the {many} videos can be run; the first: {first}")
     return plans, failures
 
 
@@ -95,12 +115,13 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     """
     watcher = watcher or Quiet()
     with system_errors_in_words():
-        store = Store.open(local_folder(request.store), create=True)
-        local_folder(request.out)
-        plans, failures = make_plans(request, store)
+        place, _ = local_folder(request.store), local_folder(request.out)
+        found = found_in(request)
+        store = Store.open(place, create=True)
+        plans, failures = make_plans(request, store, found)
         report = Report(plans)
         if not plans:
-            watcher.note(nothing_left(len(sources(request.sources)), request.choice))
+            watcher.note(nothing_left(len(found), request.choice))
             return report
         guess = estimate(store, plans)
         refuse_full_disk(request.store, guess)
@@ -293,9 +314,10 @@ def dry_run(request: Request) -> list[str]:
         store = Store(local_folder(request.store))
         if store.path.exists():
             store = Store.open(request.store, create=False)
-        plans, failures = make_plans(request, store)
+        found = found_in(request)
+        plans, failures = make_plans(request, store, found)
         if not plans:
-            return [nothing_left(len(sources(request.sources)), request.choice)]
+            return [nothing_left(len(found), request.choice)]
         guess = estimate(store, plans)
     lines = explain_plan(plans) + [f"{name}: {failure.message}" for name, failure in failures.items()]
     return [*lines, estimate_line(guess) if any(plan.todo for plan in plans) else "nothing to do"]
