@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -44,6 +45,19 @@ def draw_clip(
         images.append(image)
         truth.append(mask > 0)
     return np.stack(images), np.stack(truth)
+
+
+def write_mp4(path: Path, images: np.ndarray) -> Path:
+    """A video file of frames (T, H, W, 3)."""
+    with av.open(str(path), "w", format="mp4") as container:
+        stream = container.add_stream("mpeg4", rate=25)
+        stream.width, stream.height, stream.pix_fmt = images.shape[2], images.shape[1], "yuv420p"
+        for image in images:
+            for packet in stream.encode(av.VideoFrame.from_ndarray(image, "bgr24")):
+                container.mux(packet)
+        for packet in stream.encode(None):
+            container.mux(packet)
+    return path
 
 
 def write_folder(folder: Path, images: np.ndarray) -> Path:

@@ -16,7 +16,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from conftest import draw_clip, write_folder
+from conftest import draw_clip, write_folder, write_mp4
 from numpy.lib import format as npy
 from PIL import Image
 
@@ -191,15 +191,7 @@ def test_a_video_file_that_states_too_large_a_size_is_refused_before_a_frame_is_
 def test_ffmpeg_makes_no_frame_beyond_the_bound_whatever_the_stream_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "clip.mp4"
-    with av.open(str(path), "w", format="mp4") as container:
-        stream = container.add_stream("mpeg4", rate=25)
-        stream.width, stream.height, stream.pix_fmt = 128, 96, "yuv420p"
-        for image in draw_clip(0, 3, 96, 128)[0]:
-            for packet in stream.encode(av.VideoFrame.from_ndarray(image, "bgr24")):
-                container.mux(packet)
-        for packet in stream.encode(None):
-            container.mux(packet)
+    path = write_mp4(tmp_path / "clip.mp4", draw_clip(0, 3, 96, 128)[0])
     assert len(probe(str(path), EXCERPT).pts) == 3
     monkeypatch.setitem(decoding.LIMIT, "max_pixels", str(128 * 96 - 1))
     with pytest.raises(VideoError, match="cannot be decoded"):

@@ -12,10 +12,9 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-import av
 import numpy as np
 import pytest
-from conftest import draw_clip, write_folder
+from conftest import draw_clip, write_folder, write_mp4
 from escapes_help import Sandbox, hostile
 from runs import segment
 
@@ -129,14 +128,7 @@ def test_a_video_with_a_name_that_leads_elsewhere_is_segmented_in_its_folder(
 ) -> None:
     source = area / "sources" / f"{stem}.mp4"
     source.parent.mkdir()
-    with av.open(str(source), "w", format="mp4") as container:
-        stream = container.add_stream("mpeg4", rate=25)
-        stream.width, stream.height, stream.pix_fmt = 128, 96, "yuv420p"
-        for image in draw_clip(0, 3, 96, 128)[0]:
-            for packet in stream.encode(av.VideoFrame.from_ndarray(image, "bgr24")):
-                container.mux(packet)
-        for packet in stream.encode(None):
-            container.mux(packet)
+    write_mp4(source, draw_clip(0, 3, 96, 128)[0])
     with sandbox.untouched():
         report, _ = segment(source, area, SMALL)
     (plan,) = report.plans

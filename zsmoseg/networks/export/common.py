@@ -9,6 +9,7 @@ import pickle
 import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -171,6 +172,11 @@ def as_module(forward: Callable[..., Any], *parts: Any) -> Any:
             return forward(*tensors)
 
     return Wrapped().eval()
+
+
+def modules_of(network: Any, cuts: Mapping[str, Callable[..., Any]]) -> dict[str, Any]:
+    """A torch module for every graph that a network is cut into: each a function of the network and its tensors."""
+    return {graph: as_module(partial(function, network), network) for graph, function in cuts.items()}
 
 
 def export_graph(

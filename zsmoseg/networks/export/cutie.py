@@ -17,10 +17,10 @@ from unittest.mock import patch
 
 from zsmoseg.errors import ModelError
 from zsmoseg.networks.export.common import (
-    as_module,
     export_graph,
     fill,
     load_weights,
+    modules_of,
     verified_dynamic,
     write_contract,
 )
@@ -161,16 +161,15 @@ def _contract(name: str, graphs: dict[str, Any], dynamic: bool) -> dict[str, Any
 # -------------------------------------------------------------------------- the cuts
 def _modules(network: Any) -> dict[str, Any]:
     """A torch module for every graph."""
-    made = {
-        "encode_key": _encode_key,
-        "encode_value": _encode_value,
-        "memory_readout": _readout,
-        "decode": _decode,
-    }
-    return {
-        graph: as_module(lambda *tensors, _f=function: _f(network, *tensors), network)
-        for graph, function in made.items()
-    }
+    return modules_of(
+        network,
+        {
+            "encode_key": _encode_key,
+            "encode_value": _encode_value,
+            "memory_readout": _readout,
+            "decode": _decode,
+        },
+    )
 
 
 def _arguments(modules: dict[str, Any], size: tuple[int, int], objects: int, frames: int) -> dict[str, Any]:

@@ -15,10 +15,10 @@ from typing import Any
 
 from zsmoseg.errors import ModelError
 from zsmoseg.networks.export.common import (
-    as_module,
     export_graph,
     fill,
     load_weights,
+    modules_of,
     verified_dynamic,
     write_contract,
 )
@@ -163,17 +163,16 @@ def _contract(name: str, graphs: dict[str, Any], dynamic: bool, gap: int) -> dic
 # -------------------------------------------------------------------------- the cuts
 def _modules(network: Any) -> dict[str, Any]:
     """A torch module for every graph."""
-    made = {
-        "encode": _encode,
-        "identify": _identify,
-        "reference": _reference,
-        "propagate": _propagate,
-        "fuse": _fuse,
-    }
-    return {
-        graph: as_module(lambda *tensors, _f=function: _f(network, *tensors), network)
-        for graph, function in made.items()
-    }
+    return modules_of(
+        network,
+        {
+            "encode": _encode,
+            "identify": _identify,
+            "reference": _reference,
+            "propagate": _propagate,
+            "fuse": _fuse,
+        },
+    )
 
 
 def _arguments(modules: dict[str, Any], size: tuple[int, int]) -> dict[str, Any]:
