@@ -1,11 +1,13 @@
-"""One artifact: what one stage left of one video with one key. Its folder is a Zarr v3 group that xarray opens.
+"""One artifact: what one stage left of one video with one key. It is a Zarr v3 group that xarray opens.
 
-    zarr.json               written when all is there: the metadata of all arrays in one file
-    forward/, valid/, ...   the arrays: of video arrays one shard a part; tables joined when all parts are there
-    records/artifact.json   stage, version, settings, keys of inputs, how it is cut, how its video arrays lie
-    records/0003.tables     what part 3 found out, as it was written; stages read this
-    records/0003.json       written when part 3 is whole: its files, their sizes and checksums
-    records/done.json       written last: all parts are there, and the joined tables
+    KEY/                        a folder, of a video of several chunks
+      zarr.json                 written when all is there: the metadata of all arrays in one file
+      forward/, valid/, ...     the arrays: of video arrays one shard a part; tables joined when all parts are there
+      records/artifact.json     stage, version, settings, keys of inputs, how it is cut, its video arrays
+      records/0003.tables       what part 3 found out, as it was written; stages read this
+      records/0003.json         written when part 3 is whole: its files, their sizes and checksums
+      records/done.json         written last: all parts are there; it takes their records in
+    KEY.zip                     the same of a video of one chunk, written at once (``stores/archive.py``)
 
 Existence is the record, never the bytes: a shard that is missing or empty would read as fill value. Looking at
 records imports the standard library only.
@@ -13,16 +15,18 @@ records imports the standard library only.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from zsmoseg.stores import files
-from zsmoseg.stores.records import RECORDS, recall_record
+from zsmoseg.stores import archive, files
+from zsmoseg.stores.inside import Folder, Inside, Memory
+from zsmoseg.stores.records import ARCHIVE, RECORDS
 
 AGAIN = "run the same command again"
+ABOUT, DONE = "artifact", "done"
+"""Names of its first and its last record."""
 
 
 @dataclass(frozen=True)
@@ -74,26 +78,53 @@ class PartRecord:
         return float(self.facts.get("seconds", 0.0))
 
 
+_FIELDS = {field.name for field in fields(PartRecord)}
+
+
+def chunk_name(row: int, dimensions: int) -> str:
+    """The file of a chunk that is cut along the first dimension only: beside ``zarr.json``, as folders cost more."""
+    return "c" + f".{row}" * min(dimensions, 1) + ".0" * max(dimensions - 1, 0)
+
+
 @dataclass(frozen=True)
 class Artifact:
-    """The artifact in the folder ``path`` = ``STORE/VIDEO/STAGE/KEY``; it need not exist yet."""
+    """The artifact in the folder ``path`` = ``STORE/VIDEO/STAGE/KEY``, or the file beside it; it need not exist yet.
+
+    ``memory`` is what will be one file: there it is read and written until that file is.
+    """
 
     path: Path
+    memory: Memory | None = None
 
     @property
-    def records(self) -> Path:
-        """The folder of what is not Zarr."""
-        return files.below(self.path, RECORDS)
+    def archive(self) -> Path:
+        """The one file of a short video."""
+        return self.path.with_name(self.path.name + ARCHIVE)
+
+    @property
+    def inside(self) -> Inside:
+        """Its files and records."""
+        return self.memory or archive.recall(self.archive) or Folder(self.path)
+
+    @property
+    def packed(self) -> bool:
+        """Whether it is one file, in whatever state."""
+        return files.stamp(self.archive) is not None
+
+    @property
+    def exists(self) -> bool:
+        """Whether anything is there, in whatever state."""
+        return self.packed or Folder(self.path).has(ABOUT)
 
     @property
     def laid_out(self) -> dict[str, Any]:
         """All of ``artifact.json``, empty where there is nothing or it is damaged; not to be changed."""
-        return recall_record(self.records / "artifact.json") or {}
+        return self.inside.record(ABOUT) or {}
 
     @property
     def description(self) -> dict[str, Any] | None:
         """What it was begun with, and ``parts``; None where there is nothing, or it is damaged."""
-        told = {name: value for name, value in self.laid_out.items() if name not in ("arrays", "layout")}
+        told = {name: value for name, value in self.laid_out.items() if name != "arrays"}
         return told or None
 
     @property
@@ -109,35 +140,35 @@ class Artifact:
     @property
     def done(self) -> dict[str, Any] | None:
         """The last record; None until all is there."""
-        return recall_record(self.records / "done.json")
+        return self.inside.record(DONE)
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of a video array."""
         return tuple(self.laid_out["arrays"][name]["shape"])
 
     # ------------------------------------------------------------------ parts
-    def record_path(self, part: int) -> Path:
-        """The record of a part."""
-        return self.records / f"{part:04d}.json"
+    def lease_path(self, work: str) -> Path:
+        """Who does some work on it: a part, by the name of its record, or its beginning or sealing."""
+        return self.path.with_name(f"{self.path.name}.{work}.lease")
 
-    def tables_path(self, part: int) -> Path:
-        """The file of the tables of a part."""
-        return self.records / f"{part:04d}.tables"
-
-    def lease_path(self, part: int) -> Path:
-        """Who works on a part."""
-        return self.records / f"{part:04d}.lease"
-
-    def shard(self, name: str, part: int) -> Path:
+    def shard(self, name: str, part: int) -> str:
         """The file that holds a part of a video array."""
         dimensions = len(self.laid_out["arrays"][name]["dims"])
-        return files.below(self.path, "/".join([name, "c", str(part), *["0"] * (dimensions - 1)]))
+        return f"{name}/{chunk_name(part, dimensions)}"
+
+    def part_record(self, part: int) -> dict[str, Any] | None:
+        """The record of a part as it was written; None where it is missing or damaged."""
+        inside, name = self.inside, part_name(part)
+        # in this order: a part that is taken in meanwhile is first in both
+        for found in (_taken_in(inside, name), inside.record(name), _taken_in(inside, name)):
+            if found is not None and found.keys() == _FIELDS:
+                return found
+        return None
 
     def part(self, part: int) -> PartRecord | None:
         """The record of a part; None where it is missing or damaged."""
-        found = recall_record(self.record_path(part))
-        fields = {"start", "stop", "files", "blocks", "facts"}
-        return PartRecord(**found) if found and found.keys() == fields else None
+        found = self.part_record(part)
+        return PartRecord(**found) if found else None
 
     def blocks(self, part: int) -> Iterator[Block]:
         """The blocks of a finished part, in order; none where its record is missing."""
@@ -146,33 +177,60 @@ class Artifact:
             tables = {name: TableEntry(*entry) for name, entry in block["tables"].items()}
             yield Block(part, block["start"], block["stop"], tables)
 
-    # ------------------------------------------------------------------ metadata, neighbours
-    def metadata(self) -> Iterator[tuple[Path, bytes]]:
-        """The metadata files of the video arrays, and what they have to hold."""
-        for name, content in self.laid_out.get("layout", {}).items():
-            yield files.below(self.path, f"{name}/zarr.json"), json.dumps(content, indent=2).encode()
-
+    # ------------------------------------------------------------------ taking back, neighbours
     def unseal(self) -> None:
-        """Take back that the whole is done, then its face for readers."""
-        files.remove(self.records / "done.json")
-        files.remove(self.path / "zarr.json")
+        """Take back that the whole is done, then its face for readers; the records of the parts stand alone again."""
+        folder, done = Folder(self.path), Folder(self.path).record(DONE)
+        for name, record in (done or {}).get("parts", {}).items():
+            folder.put(name, record)
+        folder.drop(DONE)
+        folder.remove("zarr.json")
 
     def invalidate(self, parts: Sequence[int]) -> None:
         """Take back the records of ``parts``; before them, that the whole is done, and its face for readers.
 
-        Data and metadata of arrays stay; without ``zarr.json`` nobody opens by mistake what is not whole.
+        Data and metadata of arrays stay; without ``zarr.json`` nobody opens by mistake what is not whole. Of an
+        artifact that is one file nothing stays.
         """
+        if parts and self.packed:
+            files.remove(self.archive)
         for part in parts:
             self.unseal()
-            files.remove(self.record_path(part))
+            Folder(self.path).drop(part_name(part))
 
     def siblings(self) -> list[Artifact]:
-        """The artifacts of this stage and video with any settings, the one used last first."""
-        folders = files.folders(self.path.parent)
-        marks = [(files.signature(folder / RECORDS / "artifact.json"), folder) for folder in folders]
-        dated = [(signature[0], folder) for signature, folder in marks if signature]
-        return [Artifact(folder) for _, folder in sorted(dated, reverse=True)]
+        """The artifacts of this stage and video with any settings, the one written last first."""
+        marks = [(files.signature(mark), path) for mark, path in marks_in(self.path.parent)]
+        dated = [(signature[0], path) for signature, path in marks if signature]
+        return [Artifact(path) for _, path in sorted(dated, reverse=True)]
 
     def sibling(self) -> dict[str, Any] | None:
-        """The description of the other one that was used last."""
+        """The description of the other one that was written last."""
         return next((a.description for a in self.siblings() if a.path != self.path and a.description), None)
+
+
+def _taken_in(inside: Inside, name: str) -> dict[str, Any] | None:
+    """The record of a part in the last record."""
+    found: dict[str, Any] | None = (inside.record(DONE) or {}).get("parts", {}).get(name)
+    return found
+
+
+def part_name(part: int) -> str:
+    """What the record of a part is called."""
+    return f"{part:04d}"
+
+
+def tables_name(part: int) -> str:
+    """The file of the tables of a part."""
+    return f"{RECORDS}/{part:04d}.tables"
+
+
+def marks_in(stage: Path) -> Iterator[tuple[Path, Path]]:
+    """The artifacts in the folder of a stage: the file that says when it was written, and its path."""
+    for path in files.inside(stage):
+        if files.is_link(path):
+            continue
+        if path.suffix == ARCHIVE:
+            yield path, path.with_suffix("")
+        elif path.suffix == "" and files.is_folder(path):
+            yield path / RECORDS / f"{ABOUT}.json", path

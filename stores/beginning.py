@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
 from zsmoseg.stores import files
-from zsmoseg.stores.artifact import Artifact
-from zsmoseg.stores.records import as_json, write_record
-from zsmoseg.stores.schema import ArraySpec, metadata_of
+from zsmoseg.stores.artifact import ABOUT, Artifact
+from zsmoseg.stores.inside import Folder
+from zsmoseg.stores.packing import json_bytes
+from zsmoseg.stores.records import RECORDS, as_json
+from zsmoseg.stores.schema import ArraySpec
 
 
-def begin(
-    artifact: Artifact,
+def plan_of(
     description: Mapping[str, Any],
     parts: Sequence[tuple[int, int]],
     video_arrays: Sequence[ArraySpec] = (),
-) -> None:
-    """Lay an artifact out, or mend its metadata; data and records stay. For one planner at a time.
-
-    An artifact that exists keeps the parts and codecs it was begun with; one whose arrays are of another
-    kind is begun anew.
+) -> dict[str, Any]:
+    """The first record of an artifact.
 
     Parameters
     ----------
@@ -35,36 +33,64 @@ def begin(
     ------
     ValueError
         If the parts are not such.
-    SpaceError
-        If the disk is full.
     """
     _check_cut(parts, video_arrays)
     arrays = {spec.name: spec.to_json() for spec in video_arrays}
-    content = as_json({**description, "parts": parts, "arrays": arrays})
-    old = artifact.laid_out
-    if old and old["arrays"] == content["arrays"] and old["parts"][-1][1] == content["parts"][-1][1]:
-        content |= {"parts": old["parts"], "layout": old["layout"]}
-    else:
-        if old or _cut_otherwise(artifact, parts):
-            files.remove(artifact.path)
-        content["layout"] = metadata_of(video_arrays, parts[0][1] - parts[0][0])
-    described = artifact.records / "artifact.json"
-    if content != old:
-        write_record(described, content)
-    files.touch(described)
-    for path, text in artifact.metadata():
-        if files.read(path) != text:
-            files.write_whole(path, text)
+    return as_json({**description, "parts": parts, "arrays": arrays})
+
+
+def begin(artifact: Artifact, content: Mapping[str, Any]) -> None:
+    """Lay an artifact out in a folder, or mend its metadata; data and records stay. For one planner at a time.
+
+    An artifact that exists keeps the parts that it was begun with; one whose arrays are of another kind is begun
+    anew. ``content``: see ``plan_of``.
+
+    Raises
+    ------
+    SpaceError
+        If the disk is full.
+    """
+    old, folder, new = artifact.laid_out, Folder(artifact.path), dict(content)
+    if old and old["arrays"] == new["arrays"] and old["parts"][-1][1] == new["parts"][-1][1]:
+        new["parts"] = old["parts"]
+    elif old or _cut_otherwise(artifact, new["parts"]):
+        files.remove(artifact.path)
+    if new != old:
+        folder.put(ABOUT, new)
+    files.touch(folder.record_place(ABOUT))
+    for name, text in array_metadata(new):
+        if folder.read(name) != text:
+            files.write_whole(folder.place(name), text)
     if artifact.done is None:
         for leftover in files.leftovers(artifact.path):
             files.remove(leftover)
 
 
+def array_metadata(laid_out: Mapping[str, Any]) -> Iterator[tuple[str, bytes]]:
+    """The ``zarr.json`` of every video array: its name in the artifact, and what it has to hold."""
+    for name, described in layout(laid_out).items():
+        yield f"{name}/zarr.json", json_bytes(described)
+
+
+def layout(laid_out: Mapping[str, Any]) -> dict[str, Any]:
+    """Metadata of the video arrays, by name."""
+    arrays = laid_out.get("arrays", {})
+    return {
+        name: ArraySpec.from_json(fields).metadata(first_part(laid_out)) for name, fields in arrays.items()
+    }
+
+
+def first_part(laid_out: Mapping[str, Any]) -> int:
+    """Frames of every part but the last: the rows of a full shard."""
+    start, stop = laid_out["parts"][0]
+    return int(stop - start)
+
+
 def _cut_otherwise(artifact: Artifact, parts: Sequence[tuple[int, int]]) -> bool:
     """Whether records are left from a time when the artifact was cut in another way."""
-    known = [int(path.stem) for path in files.matching(artifact.records, "[0-9]*.json")]
+    known = [int(path.stem) for path in files.matching(artifact.path / RECORDS, "[0-9]*.json")]
     records = [(i, record) for i in known if (record := artifact.part(i))]
-    return any(i >= len(parts) or (record.start, record.stop) != tuple(parts[i]) for i, record in records)
+    return any(i >= len(parts) or [record.start, record.stop] != list(parts[i]) for i, record in records)
 
 
 def _check_cut(parts: Sequence[tuple[int, int]], video_arrays: Sequence[ArraySpec]) -> None:

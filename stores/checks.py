@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from zsmoseg.errors import StoreError
-from zsmoseg.stores import files
-from zsmoseg.stores.artifact import Artifact
-from zsmoseg.stores.records import checksum, recall_record
+from zsmoseg.stores import archive, files
+from zsmoseg.stores.artifact import ABOUT, DONE, Artifact, part_name
+from zsmoseg.stores.records import RECORDS
 from zsmoseg.video.plain_names import stays
 
 Expected = Mapping[str, Mapping[str, int]]
@@ -30,8 +28,8 @@ def part_problem(artifact: Artifact, part: int) -> str | None:
     """Why a part is not usable, by its record and the sizes of its files; None where it is."""
     record = artifact.part(part)
     if record is None:
-        missing = files.size(artifact.record_path(part)) is None
-        return "not computed yet" if missing else "its record is damaged"
+        there = artifact.packed or artifact.inside.has(part_name(part))
+        return "its record is damaged" if there else "not computed yet"
     if artifact.laid_out.get("parts", [])[part : part + 1] != [[record.start, record.stop]]:
         return "the video was cut in another way"
     wrong = wrong_sizes(artifact, part, record.files, record.files)
@@ -51,13 +49,14 @@ def wrong_sizes(
     artifact: Artifact, part: int | None, expected: Expected, names: Iterable[str]
 ) -> list[Damage]:
     """Which of the files ``names`` have not the size that is ``expected``."""
-    found = []
+    found, inside = [], artifact.inside
     for name in names:
         if not stays(name):
-            found.append(Damage(_record(artifact, part), part, f"names {name!r}, which is no file of it"))
+            what = f"names {name!r}, which is no file of it"
+            found.append(Damage(_record(artifact, DONE if part is None else part_name(part)), part, what))
             continue
         size = expected[name]["size"] if name in expected else None
-        actual = files.size(artifact.path / name)
+        actual = inside.size(name)
         if size is None:
             found.append(Damage(artifact.path / name, part, "is in no record"))
         elif actual is None:
@@ -67,20 +66,17 @@ def wrong_sizes(
     return found
 
 
-def _record(artifact: Artifact, part: int | None) -> Path:
-    return artifact.records / "done.json" if part is None else artifact.record_path(part)
+def _record(artifact: Artifact, name: str) -> Path:
+    return artifact.path / RECORDS / f"{name}.json"
 
 
 def wrong_content(
     artifact: Artifact, part: int | None, expected: Expected, names: Iterable[str]
 ) -> list[Damage]:
     """Which of the files ``names`` have another checksum than is ``expected``."""
-    found = []
+    found, inside = [], artifact.inside
     for name in names:
-        try:
-            content = files.read(files.below(artifact.path, name))
-        except StoreError:
-            content = None
+        content = inside.read(name)
         if content is None or name not in expected or files.crc32(content) != expected[name]["crc32"]:
             found.append(Damage(artifact.path / name, part, "has other content than was written"))
     return found
@@ -88,31 +84,43 @@ def wrong_content(
 
 def check(artifact: Artifact, deep: bool = False) -> list[Damage]:
     """What is damaged: by sizes, or by content too (``deep``). Parts not computed yet are no damage."""
+    return _check_archive(artifact, deep) if artifact.packed else _check_folder(artifact, deep)
+
+
+def _check_archive(artifact: Artifact, deep: bool) -> list[Damage]:
+    found = archive.recall(artifact.archive)
+    if found is None:
+        return [Damage(artifact.archive, 0, "is damaged: its record cannot be read")]
+    if deep and archive.differs(artifact.archive, found):
+        return [Damage(artifact.archive, 0, "has other content than was written")]
+    return []
+
+
+def _check_folder(artifact: Artifact, deep: bool) -> list[Damage]:
+    from zsmoseg.stores.beginning import array_metadata
+
+    inside = artifact.inside
     if not artifact.laid_out:
-        return [Damage(artifact.records / "artifact.json", None, "is missing or damaged")]
+        return [Damage(_record(artifact, ABOUT), None, "is missing or damaged")]
     found = [
-        Damage(path, None, "is missing" if files.size(path) is None else "is damaged")
-        for path, text in artifact.metadata()
-        if files.read(path) != text
+        Damage(artifact.path / name, None, "is missing" if inside.size(name) is None else "is damaged")
+        for name, text in array_metadata(artifact.laid_out)
+        if inside.read(name) != text
     ]
     done = artifact.done
-    if done is None and files.size(artifact.records / "done.json") is not None:
-        found.append(Damage(artifact.records / "done.json", None, "is damaged"))
+    if done is None and inside.has(DONE):
+        found.append(Damage(_record(artifact, DONE), None, "is damaged"))
     for part in range(len(artifact.parts)):
-        found += _check_part(artifact, part, done, deep)
+        found += _check_part(artifact, part, deep)
     return found + (_check_files(artifact, None, done["files"], deep) if done else [])
 
 
-def _check_part(artifact: Artifact, part: int, done: Mapping[str, Any] | None, deep: bool) -> list[Damage]:
-    path = artifact.record_path(part)
-    record = recall_record(path)
+def _check_part(artifact: Artifact, part: int, deep: bool) -> list[Damage]:
+    record = artifact.part(part)
     if record is None:
-        exists = files.size(path) is not None
-        missing = [Damage(path, part, "is damaged" if exists else "is missing")]
-        return missing if exists or done is not None else []
-    if done is not None and done["records"][part : part + 1] != [checksum(record)]:
-        return [Damage(path, part, "is another one than when the artifact was sealed")]
-    return _check_files(artifact, part, record["files"], deep)
+        there = artifact.inside.has(part_name(part))
+        return [Damage(_record(artifact, part_name(part)), part, "is damaged")] if there else []
+    return _check_files(artifact, part, record.files, deep)
 
 
 def _check_files(artifact: Artifact, part: int | None, expected: Expected, deep: bool) -> list[Damage]:

@@ -191,6 +191,13 @@ def zarr_store(path: Path) -> Any:
     return str(path)
 
 
+def zip_store(path: Path) -> Any:
+    """What Zarr and xarray open as the group in a zip."""
+    from zarr.storage import ZipStore
+
+    return ZipStore(path, read_only=True)
+
+
 def create(path: Path, content: bytes) -> bool:
     """Write a small file that is not there yet; whether this call made it. Its name appears with its content."""
     partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")

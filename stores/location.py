@@ -3,8 +3,9 @@
     STORE/zsmoseg.json             format version
     STORE/runs/                    records of runs
     STORE/fingerprints/            fingerprints of sources that were read already
-    STORE/VIDEO/video.json         source, fingerprint, probe; VIDEO is <stem>-<16 digits of the fingerprint>
-    STORE/VIDEO/STAGE/KEY/         one artifact
+    STORE/VIDEO/video.json         source, fingerprint; VIDEO is <stem>-<16 digits of the fingerprint>
+    STORE/VIDEO/probes/            times, names and sizes of the frames that are used
+    STORE/VIDEO/STAGE/KEY/         one artifact, or STAGE/KEY.zip
 
 Standard library only.
 """
@@ -20,9 +21,16 @@ from typing import Any
 
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
-from zsmoseg.stores.artifact import Artifact
+from zsmoseg.stores.artifact import Artifact, marks_in
 from zsmoseg.stores.keys import FORMAT
-from zsmoseg.stores.records import as_json, read_json, read_record, recall_record, write_json, write_record
+from zsmoseg.stores.records import (
+    PROBES,
+    read_json,
+    read_record,
+    recall_record,
+    write_json,
+    write_record,
+)
 
 MARK = "zsmoseg.json"
 _VIDEO = re.compile(r".+-[0-9a-f]{16}")
@@ -36,14 +44,13 @@ class VideoFolder:
 
     @property
     def description(self) -> dict[str, Any] | None:
-        """``source``, ``fingerprint`` and ``probe``; None where that is missing or damaged."""
+        """``source`` and ``fingerprint``; None where that is missing or damaged."""
         return recall_record(self.path / "video.json")
 
-    def describe(self, source: str, fingerprint: str, probe: Mapping[str, Any] | None = None) -> None:
-        """Note where the video came from and what was found in it; writes only what is new or mends it."""
-        old = self.description or {}
-        content = as_json({"source": source, "fingerprint": fingerprint, "probe": probe or old.get("probe")})
-        if content != old:
+    def describe(self, source: str, fingerprint: str) -> None:
+        """Note where the video came from; writes only what is new or mends it."""
+        content = {"source": source, "fingerprint": fingerprint}
+        if content != self.description:
             write_record(self.path / "video.json", content)
 
     def artifact(self, stage: str, key: str) -> Artifact:
@@ -53,7 +60,18 @@ class VideoFolder:
     def artifacts(self) -> Iterator[Artifact]:
         """All of them."""
         for stage in files.folders(self.path):
-            yield from map(Artifact, files.folders(stage))
+            if stage.name != PROBES:
+                yield from (Artifact(path) for _, path in marks_in(stage))
+
+    # ------------------------------------------------------------------ probes
+    def probe(self, frames: str) -> dict[str, Any] | None:
+        """Times, names and sizes of the frames that the key ``frames`` stands for; None where nobody looked yet."""
+        return recall_record(files.below(self.path, f"{PROBES}/{frames}.json"))
+
+    def keep_probe(self, frames: str, probe: Mapping[str, Any]) -> None:
+        """Keep it: it follows from the key."""
+        if self.probe(frames) is None:
+            write_record(files.below(self.path, f"{PROBES}/{frames}.json"), probe)
 
 
 @dataclass(frozen=True)
@@ -154,11 +172,9 @@ class Store:
         for video in self.videos():
             yield from self.video(video).artifacts()
 
-    def describe_video(
-        self, video: str, source: str, fingerprint: str, probe: Mapping[str, Any] | None = None
-    ) -> None:
+    def describe_video(self, video: str, source: str, fingerprint: str) -> None:
         """See ``VideoFolder.describe``."""
-        self.video(video).describe(source, fingerprint, probe)
+        self.video(video).describe(source, fingerprint)
 
     # ------------------------------------------------------------------ fingerprints
     def fingerprint(self, source: str, method: str) -> str:

@@ -20,7 +20,8 @@ Array = np.ndarray[Any, Any]
 blosc.use_threads = False
 _COMPRESSOR = blosc.Blosc(cname="zstd", clevel=1, shuffle=blosc.SHUFFLE)
 _BLOSC = {"cname": "zstd", "clevel": 1, "shuffle": "shuffle", "blocksize": 0}
-_CRC = {"name": "crc32c"}
+CRC = {"name": "crc32c"}
+LITTLE = {"name": "bytes", "configuration": {"endian": "little"}}
 CRC_BYTES = 4
 
 
@@ -37,7 +38,7 @@ def pack(values: Array) -> bytes:
     if not values.size:
         return b""
     plain = np.ascontiguousarray(values, values.dtype.newbyteorder("<")).reshape(-1)
-    return _sealed(bytes(_COMPRESSOR.encode(plain.view(np.uint8) if plain.dtype == np.bool_ else plain)))
+    return sealed(bytes(_COMPRESSOR.encode(plain.view(np.uint8) if plain.dtype == np.bool_ else plain)))
 
 
 def unpack(content: bytes, dtype: str, shape: Sequence[int]) -> Array:
@@ -51,10 +52,7 @@ def unpack(content: bytes, dtype: str, shape: Sequence[int]) -> Array:
     out = np.empty(tuple(shape), np.dtype(dtype).newbyteorder("<"))
     if not out.size:
         return out
-    body, end = content[:-CRC_BYTES], content[-CRC_BYTES:]
-    if google_crc32c.value(body).to_bytes(CRC_BYTES, "little") != end:
-        raise ValueError("stored and computed checksum do not match")
-    _COMPRESSOR.decode(body, out.reshape(-1).view(np.uint8))
+    _COMPRESSOR.decode(unsealed(content), out.reshape(-1).view(np.uint8))
     return out
 
 
@@ -64,12 +62,35 @@ def pack_text(values: Sequence[str]) -> bytes:
     pieces = [struct.pack("<I", len(encoded))]
     for text in encoded:
         pieces += [struct.pack("<I", len(text)), text]
-    return _sealed(b"".join(pieces))
+    return sealed(b"".join(pieces))
 
 
-def _sealed(content: bytes) -> bytes:
+def sealed(content: bytes) -> bytes:
+    """With its checksum at the end, as Zarr's codec ``crc32c`` has it."""
     end: bytes = google_crc32c.value(content).to_bytes(CRC_BYTES, "little")
     return content + end
+
+
+def unsealed(content: bytes) -> bytes:
+    """Without its checksum.
+
+    Raises
+    ------
+    ValueError
+        If that is another one.
+    """
+    body, end = content[:-CRC_BYTES], content[-CRC_BYTES:]
+    if google_crc32c.value(body).to_bytes(CRC_BYTES, "little") != end:
+        raise ValueError("stored and computed checksum do not match")
+    return body
+
+
+def codecs(dtype: np.dtype[Any] | None) -> list[dict[str, Any]]:
+    """The codecs of what ``pack`` makes as ``zarr.json`` has them, or ``pack_text`` where ``dtype`` is None."""
+    if dtype is None:
+        return [{"name": "vlen-utf8"}, CRC]
+    # Blosc wants the size of what it shuffles
+    return [LITTLE, {"name": "blosc", "configuration": {"typesize": dtype.itemsize, **_BLOSC}}, CRC]
 
 
 def metadata(
@@ -79,13 +100,11 @@ def metadata(
     dims: Sequence[str],
     fill: float,
     attributes: Mapping[str, Any],
+    packed: Sequence[Mapping[str, Any]] | None = None,
 ) -> dict[str, Any]:
-    """The ``zarr.json`` of an array whose chunks ``pack`` makes, or ``pack_text`` where ``dtype`` is None."""
+    """The ``zarr.json`` of an array; ``dtype`` None: text; ``packed``: its codecs, without them those of ``pack``."""
     kind = "s" if dtype is None else dtype.kind
     unknown: dict[str, Any] = {"b": bool(fill == 1), "f": _float(fill), "s": ""}
-    # Blosc wants the size of what it shuffles
-    binary = {"name": "blosc", "configuration": {"typesize": dtype.itemsize if dtype else 1, **_BLOSC}}
-    plain = [{"name": "bytes", "configuration": {"endian": "little"}}, binary]
     return {
         "zarr_format": 3,
         "node_type": "array",
@@ -97,7 +116,7 @@ def metadata(
         },
         "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
         "fill_value": unknown[kind] if kind in unknown else int(fill),
-        "codecs": [*([{"name": "vlen-utf8"}] if dtype is None else plain), _CRC],
+        "codecs": list(codecs(dtype) if packed is None else packed),
         "attributes": dict(attributes),
         "dimension_names": list(dims),
         "storage_transformers": [],
@@ -109,11 +128,6 @@ def _float(fill: float) -> float | str:
     return "NaN" if np.isnan(fill) else float(fill)
 
 
-def chunk_name(row: int, dimensions: int) -> str:
-    """The file of a chunk that is cut along the first dimension only: beside ``zarr.json``, as folders cost more."""
-    return "c" + f".{row}" * min(dimensions, 1) + ".0" * max(dimensions - 1, 0)
-
-
 def folder_metadata(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """The ``zarr.json`` of the group of ``arrays`` (metadata by name), which it repeats: one file opens them all."""
     known = {name: arrays[name] for name in sorted(arrays)}
@@ -123,7 +137,7 @@ def folder_metadata(arrays: Mapping[str, Any]) -> dict[str, Any]:
 
 def json_bytes(content: Mapping[str, Any]) -> bytes:
     """Canonical."""
-    return json.dumps(content, sort_keys=True, indent=1, allow_nan=False).encode()
+    return json.dumps(content, sort_keys=True, allow_nan=False).encode()
 
 
 def pieces(rows: Iterable[Array], length: int) -> Iterable[Array]:

@@ -3,43 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from zsmoseg.errors import StoreError
-from zsmoseg.stores import files
-from zsmoseg.stores.artifact import AGAIN, Artifact, Block
-from zsmoseg.stores.checks import Damage, part_problem, wrong_content, wrong_sizes
+from zsmoseg.stores import files, shards
+from zsmoseg.stores.artifact import AGAIN, Artifact, Block, PartRecord, tables_name
+from zsmoseg.stores.beginning import first_part
+from zsmoseg.stores.checks import part_problem, wrong_content, wrong_sizes
 from zsmoseg.stores.fixedpoint import decode
 from zsmoseg.stores.packing import unpack
-from zsmoseg.stores.schema import load_zarr
+from zsmoseg.stores.schema import ArraySpec
 
 Array = np.ndarray[Any, Any]
-
-
-def open_array(artifact: Artifact, name: str) -> Any:
-    """The Zarr array ``name`` for reading and writing, opened once as long as its metadata stay the same.
-
-    Raises
-    ------
-    StoreError
-        If its metadata are missing or damaged.
-    """
-    path = artifact.path / name
-    signature = files.signature(path / "zarr.json")
-    try:
-        return _open(path, signature)
-    except Exception as error:
-        raise StoreError(f"{path / 'zarr.json'}: is missing or damaged ({error}); {AGAIN}") from error
-
-
-@lru_cache(maxsize=256)
-def _open(path: Path, signature: tuple[int, int, int] | None) -> Any:
-    array = load_zarr().open_array(files.zarr_store(path), mode="r+")
-    return array.with_config({"write_empty_chunks": True})
 
 
 # ---------------------------------------------------------------------- video arrays
@@ -63,42 +40,44 @@ def read_video(artifact: Artifact, name: str, start: int, stop: int, raw: bool =
     length = artifact.shape(name)[0]
     if not 0 <= start <= stop <= length:
         raise ValueError(f"{artifact.path}: {name} has {length} rows, asked for {start} to {stop}")
+    spec = ArraySpec.from_json(artifact.arrays[name])
     touched = [i for i, (a, b) in enumerate(artifact.parts) if a < stop and b > start]
-    for part in touched:
-        _refuse_wrong_shard(artifact, name, part)
-    array = open_array(artifact, name)
-    try:
-        stored = array[start:stop]
-    except (ValueError, RuntimeError, OSError) as error:
-        _name_the_culprit(artifact, name, touched)
-        raise StoreError(f"{artifact.path / name}: cannot be read ({error}); {AGAIN}") from error
-    return stored if raw else decode(stored, array.attrs)
+    stored = [_rows(artifact, spec, part, start, stop) for part in touched]
+    whole = np.concatenate(stored) if stored else np.empty((0, *spec.shape[1:]), spec.dtype)
+    return whole if raw else decode(whole, spec.attributes)
 
 
-def _refuse_wrong_shard(artifact: Artifact, name: str, part: int) -> None:
+def _rows(artifact: Artifact, spec: ArraySpec, part: int, start: int, stop: int) -> Array:
+    """Those of the rows ``start`` to ``stop - 1`` that a part holds."""
+    first, last = (min(edge, spec.shape[0]) for edge in artifact.parts[part])
+    rows = (max(start, first) - first, min(stop, last) - first)
+    shape, inside = (first_part(artifact.laid_out), *spec.shape[1:]), artifact.inside
+    if rows[0] >= rows[1]:
+        return np.empty((0, *spec.shape[1:]), spec.dtype)
+    shard = artifact.shard(spec.name, part)
     record = _record(artifact, part)
-    shard = artifact.shard(name, part).relative_to(artifact.path).as_posix()
     for damage in wrong_sizes(artifact, part, record.files, [shard]):
         raise StoreError(f"{damage.path}: {artifact.path.parent.name}, part {part}: {damage.what}; {AGAIN}")
 
+    def read(offset: int, length: int) -> bytes | None:
+        return inside.read_range(shard, offset, length)
 
-def _record(artifact: Artifact, part: int) -> Any:
+    try:
+        size = record.files[shard]["size"]
+        return shards.decode(read, size, rows, shape, spec.chunk, np.dtype(spec.dtype), spec.kind)
+    except (ValueError, RuntimeError, OSError) as error:
+        damages = wrong_content(artifact, part, record.files, [shard])
+        _take_back(artifact, [part] if damages else [])
+        what = damages[0].what if damages else f"cannot be read ({error})"
+        raise StoreError(f"{artifact.path / shard}: {what}; {AGAIN}") from error
+
+
+def _record(artifact: Artifact, part: int) -> PartRecord:
     record = artifact.part(part)
     if record is None:
-        where = f"{artifact.record_path(part)}: {artifact.path.parent.name}, part {part}"
+        where = f"{artifact.path}: {artifact.path.parent.name}, part {part}"
         raise StoreError(f"{where}: {part_problem(artifact, part)}; {AGAIN}")
     return record
-
-
-def _name_the_culprit(artifact: Artifact, name: str, parts: Sequence[int]) -> None:
-    """Take back the parts whose shard was changed after it was written, so that the next run redoes them."""
-    changed: list[Damage] = []
-    for part in parts:
-        shard = artifact.shard(name, part).relative_to(artifact.path).as_posix()
-        changed += wrong_content(artifact, part, _record(artifact, part).files, [shard])
-    _take_back(artifact, [damage.part for damage in changed if damage.part is not None])
-    for damage in changed:
-        raise StoreError(f"{damage.path}: {damage.what}; {AGAIN}")
 
 
 def _take_back(artifact: Artifact, parts: Sequence[int]) -> None:
@@ -134,14 +113,13 @@ def read_table(artifact: Artifact, block: Block, name: str) -> Array:
     StoreError
         If its file is not as the record says; the part is taken back then, so that the next run redoes it.
     """
-    entry, path = block.tables[name], artifact.tables_path(block.part)
-    content = files.read_range(path, entry.offset, entry.length)
+    entry, file = block.tables[name], tables_name(block.part)
+    content = artifact.inside.read_range(file, entry.offset, entry.length) if entry.length else b""
     if content is not None and len(content) == entry.length and files.crc32(content) == entry.crc32:
         return unpack(content, entry.dtype, entry.shape)
     expected = _record(artifact, block.part).files
-    names = [path.relative_to(artifact.path).as_posix()]
-    wrong = wrong_sizes(artifact, block.part, expected, names)
-    wrong = wrong or wrong_content(artifact, block.part, expected, names)
+    wrong = wrong_sizes(artifact, block.part, expected, [file])
+    wrong = wrong or wrong_content(artifact, block.part, expected, [file])
     _take_back(artifact, [block.part])
     what = wrong[0].what if wrong else "could not be read"
-    raise StoreError(f"{path}: {what}; {AGAIN}")
+    raise StoreError(f"{artifact.path / file}: {what}; {AGAIN}")

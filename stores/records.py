@@ -17,6 +17,10 @@ from zsmoseg.stores import files
 
 RECORDS = "records"
 """The folder of an artifact that has its records."""
+PROBES = "probes"
+"""The folder of a video that has the probes of its source: times, names and sizes of the frames that are used."""
+ARCHIVE = ".zip"
+"""End of the name of an artifact that is one file."""
 FINGERPRINT = 16
 """Characters at the end of a folder's name that count: of a video those of its fingerprint."""
 
@@ -43,11 +47,7 @@ def write_json(path: Path, value: Mapping[str, Any], sync: bool = False) -> None
 
 def read_record(path: Path) -> dict[str, Any] | None:
     """What ``write_record`` wrote; None where the file is missing or differs from that in anything."""
-    value = read_json(path)
-    if value is None:
-        return None
-    noted = value.pop("checksum", None)
-    return value if noted == _stamp(path, value) else None
+    return trusted(path, read_json(path))
 
 
 def write_record(path: Path, value: Mapping[str, Any], sync: bool = False) -> None:
@@ -60,8 +60,20 @@ def write_record(path: Path, value: Mapping[str, Any], sync: bool = False) -> No
     ValueError
         If ``value`` holds NaN or infinity.
     """
-    content = as_json(value)
-    write_json(path, {**content, "checksum": _stamp(path, content)}, sync)
+    write_json(path, vouched(path, as_json(value)), sync)
+
+
+def vouched(path: Path, content: dict[str, Any]) -> dict[str, Any]:
+    """Plain JSON with its checksum, for the place ``path``."""
+    return {**content, "checksum": _stamp(path, content)}
+
+
+def trusted(path: Path, value: object) -> dict[str, Any] | None:
+    """What ``vouched`` was given; None where it differs from that in anything."""
+    if not isinstance(value, dict):
+        return None
+    content = {name: inside for name, inside in value.items() if name != "checksum"}
+    return content if value.get("checksum") == _stamp(path, content) else None
 
 
 def _stamp(path: Path, content: Mapping[str, Any]) -> str:
@@ -70,7 +82,7 @@ def _stamp(path: Path, content: Mapping[str, Any]) -> str:
     The place is what stands below the store: a store may be moved. Of a video's folder the end counts, which is its
     fingerprint: people may call it otherwise.
     """
-    depth = 5 if path.parent.name == RECORDS else 2
+    depth = 5 if path.parent.name == RECORDS else 3 if path.suffix == ARCHIVE or path.parent.name == PROBES else 2
     return checksum(
         {"place": [name[-FINGERPRINT:] for name in path.parts[-depth:-1]] + [path.name], **content}
     )

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from zsmoseg.stores import packing, shards
 from zsmoseg.stores.fields import TIMES, Codec, Field
 from zsmoseg.stores.records import RECORDS
-
-if TYPE_CHECKING:
-    from types import ModuleType
 
 
 @dataclass(frozen=True)
@@ -56,6 +55,11 @@ class ArraySpec:
         about = field.scale, field.unit, field.meaning, field.codec
         return cls(name, field.dims, shape, field.dtype, fill, *about)
 
+    @classmethod
+    def from_json(cls, fields: Mapping[str, Any]) -> ArraySpec:
+        """Of ``to_json``."""
+        return cls(**{**fields, "dims": tuple(fields["dims"]), "shape": tuple(fields["shape"])})
+
     @property
     def attributes(self) -> dict[str, Any]:
         """CF attributes: readers such as xarray give physical units."""
@@ -79,55 +83,15 @@ class ArraySpec:
         return {**asdict(self), "dims": list(self.dims), "shape": list(self.shape)}
 
 
-def load_zarr() -> ModuleType:
-    """Zarr, set to be a light guest of a worker with one thread, and to write the same bytes each time.
-
-    Blosc with several threads puts its blocks in the order in which they get ready.
-    """
-    import zarr
-    from numcodecs import blosc  # type: ignore[import-untyped,unused-ignore]
-
-    if blosc.use_threads is not False:
-        blosc.use_threads = False
-        zarr.config.set({"async.concurrency": 2, "threading.max_workers": 1})
-    return zarr
-
-
-def codecs(kind: str) -> tuple[Any, ...]:
-    """Compressors of a video array, the checksum last, so that it covers what is on disk.
-
-    LZ4 for images and flow: half the time of zstd 1 for 14 % (images) and 28 % (flow) more bytes. Zstd for
-    labels: half of the bytes of LZ4 for a third more time. (Frames and flow of three DAVIS sequences.)
-    """
-    from zarr.codecs import BloscCodec, Crc32cCodec, ZstdCodec
-
-    if kind == "label":
-        return (ZstdCodec(level=1, checksum=True), Crc32cCodec())
-    return (BloscCodec(cname="lz4", clevel=5, shuffle="shuffle"), Crc32cCodec())
-
-
-def metadata_of(specs: Iterable[ArraySpec], length: int) -> dict[str, Any]:
-    """Content of the ``zarr.json`` of every video array, by its name.
-
-    Parameters
-    ----------
-    length
-        Frames of a part: one part is one shard of every array.
-    """
-    zarr = load_zarr()
-    found: dict[str, Any] = {}
-    root = zarr.create_group(zarr.storage.MemoryStore(found))
-    for spec in specs:
-        root.create_array(
-            spec.name,
-            shape=spec.shape,
-            chunks=spec.chunk,
-            shards=(length, *spec.shape[1:]),
-            dtype=spec.dtype,
-            fill_value=spec.fill_value,
-            compressors=codecs(spec.kind),
-            dimension_names=spec.dims,
-            attributes=spec.attributes,
+    def metadata(self, length: int) -> dict[str, Any]:
+        """Content of its ``zarr.json``; a part of ``length`` frames is one shard."""
+        dtype = np.dtype(self.dtype)
+        return packing.metadata(
+            dtype,
+            self.shape,
+            (length, *self.shape[1:]),
+            self.dims,
+            self.fill_value,
+            self.attributes,
+            shards.codecs(self.kind, self.chunk, dtype.itemsize),
         )
-    names = [name for name in found if name != "zarr.json"]
-    return {name.removesuffix("/zarr.json"): json.loads(found[name].to_bytes()) for name in names}

@@ -15,12 +15,13 @@ import numpy as np
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files, joining
 from zsmoseg.stores.arrays import Arrays, join, labels_of
-from zsmoseg.stores.artifact import AGAIN, Artifact
+from zsmoseg.stores.artifact import AGAIN, DONE, Artifact, chunk_name, part_name
+from zsmoseg.stores.beginning import array_metadata, layout
 from zsmoseg.stores.checks import part_problem
 from zsmoseg.stores.fields import IDS_OF, TIMES, tables_of
-from zsmoseg.stores.packing import chunk_name, folder_metadata, json_bytes, metadata, pack, pack_text, pieces
+from zsmoseg.stores.inside import Folder
+from zsmoseg.stores.packing import folder_metadata, json_bytes, metadata, pack, pack_text, pieces
 from zsmoseg.stores.reader import blocks
-from zsmoseg.stores.records import checksum, recall_record, write_record
 
 Array = np.ndarray[Any, Any]
 
@@ -55,7 +56,8 @@ def seal(
             raise StoreError(f"{artifact.path}: part {part}: {problem}; {AGAIN}")
     if not artifact.parts:
         raise StoreError(f"{artifact.path}: artifact.json is missing or damaged; {AGAIN}")
-    artifact.unseal()
+    if artifact.memory is None:
+        artifact.unseal()
     whole = _Whole(artifact)
     frames = artifact.parts[-1][1]
     joined = join(kind, artifact, blocks(artifact, 0, frames), 0, frames)
@@ -78,13 +80,14 @@ def seal(
             whole.put(dim, [ids], ids.shape, ids.dtype, (dim,), 0, {})
     _coordinates(whole, labels_of(kind, artifact), times, names)
     whole.close()
-    records = [recall_record(artifact.record_path(part)) for part in range(len(artifact.parts))]
-    content = {
-        **(extra or {}),
-        "files": whole.files,
-        "records": [checksum(record) for record in records if record],
-    }
-    write_record(artifact.records / "done.json", content, sync=True)
+    if artifact.memory is not None:
+        whole.inside.put(DONE, {**(extra or {}), "files": whole.files})
+        return
+    # one record in the place of one a part: first the new one, then those that it takes in
+    parts = {part_name(i): artifact.part_record(i) for i in range(len(artifact.parts))}
+    whole.inside.put(DONE, {**(extra or {}), "files": whole.files, "parts": parts}, sync=True)
+    for name in parts:
+        whole.inside.drop(name)
 
 
 def _coordinates(
@@ -120,7 +123,11 @@ class _Whole:
     sizes: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.arrays = dict(self.artifact.laid_out["layout"])
+        self.inside = self.artifact.memory or Folder(self.artifact.path)
+        self.arrays = layout(self.artifact.laid_out)
+        if self.artifact.memory is not None:
+            for name, text in array_metadata(self.artifact.laid_out):
+                self._write(name, text)
         for described in self.artifact.arrays.values():
             self.sizes |= dict(zip(described["dims"], described["shape"], strict=True))
 
@@ -135,7 +142,7 @@ class _Whole:
         attributes: Mapping[str, Any],
     ) -> None:
         """An array, a run of rows at a time; its first dimension is counted on the way."""
-        files.remove(self.artifact.path / name)
+        self.inside.remove(name)
         width = int(np.prod(shape[1:])) * dtype.itemsize
         length = max(1, joining.CHUNK // max(width, 1))
         count, at = 0, 0
@@ -151,7 +158,7 @@ class _Whole:
 
     def put_text(self, name: str, values: Sequence[str], dim: str) -> None:
         """A coordinate of text along ``dim``."""
-        files.remove(self.artifact.path / name)
+        self.inside.remove(name)
         if values:
             self._write(f"{name}/{chunk_name(0, 1)}", pack_text(values))
         self._described(name, metadata(None, [len(values)], [len(values)], [dim], 0, {}))
@@ -168,9 +175,8 @@ class _Whole:
         self._write(f"{name}/zarr.json", json_bytes(described))
 
     def _write(self, name: str, content: bytes) -> None:
-        path = self.artifact.path / name
-        with files.full_disk_in_words(path):
-            files.write(path, content)
+        with files.full_disk_in_words(self.artifact.path):
+            self.inside.write(name, content)
         self.files[name] = {"size": len(content), "crc32": files.crc32(content)}
 
 

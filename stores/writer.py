@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 
 from zsmoseg.errors import SpaceError
-from zsmoseg.stores import files
+from zsmoseg.stores import archive, files, shards
 from zsmoseg.stores.arrays import Arrays
-from zsmoseg.stores.artifact import Artifact, PartRecord
+from zsmoseg.stores.artifact import ABOUT, Artifact, PartRecord, part_name, tables_name
+from zsmoseg.stores.beginning import first_part
 from zsmoseg.stores.fields import fields_of
 from zsmoseg.stores.fixedpoint import encode
+from zsmoseg.stores.inside import Folder, Growing, Memory
 from zsmoseg.stores.packing import pack
-from zsmoseg.stores.reader import open_array
-from zsmoseg.stores.records import write_record
+from zsmoseg.stores.records import as_json
+from zsmoseg.stores.schema import ArraySpec
+from zsmoseg.stores.sealing import seal
 
 Array = np.ndarray[Any, Any]
 
@@ -40,11 +43,13 @@ class PartWriter:
         self.part = part
         self.facts: dict[str, Any] = {}
         self._start, self._stop = artifact.parts[part]
-        self._files: dict[Path, dict[str, int]] = {}
+        self._inside = artifact.memory or Folder(artifact.path)
+        self._specs = {name: ArraySpec.from_json(about) for name, about in artifact.arrays.items()}
+        self._files: dict[str, dict[str, int]] = {}
         self._clipped: dict[str, int] = {}
         self._blocks: list[dict[str, Any]] = []
-        self._tables = files.Appended(artifact.tables_path(part))
-        self._missing = set(artifact.arrays)
+        self._tables: Growing | None = None
+        self._missing = set(self._specs)
         self._clear()
 
     def put(self, block: Arrays) -> None:
@@ -76,11 +81,16 @@ class PartWriter:
             self._check_lengths(block, name, dict(zip(field.dims, array.shape, strict=True)), lengths)
             content = pack(array)
             with self._disk():
-                offset = self._tables.add(content)
+                offset = self._add(content)
             entry = [field.dtype, list(array.shape), offset, len(content), files.crc32(content)]
             tables[name] = entry
         if tables:
             self._blocks.append({"start": block.start, "stop": block.stop, "tables": tables})
+
+    def _add(self, table: bytes) -> int:
+        if self._tables is None:
+            self._tables = self._inside.growing(tables_name(self.part))
+        return self._tables.add(table)
 
     def _check_lengths(
         self, block: Arrays, name: str, sizes: dict[str, int], lengths: dict[str, int]
@@ -97,15 +107,15 @@ class PartWriter:
                 raise ValueError(f"{name}, part {self.part}: expected {known[-1]} along {dim}, got {size}")
 
     def _put_video(self, name: str, values: Array) -> None:
-        if name not in self.artifact.arrays:
+        if name not in self._specs:
             raise ValueError(f"{name}: no video array of {self.artifact.path}")
-        array = open_array(self.artifact, name)
-        first, last = (min(edge, array.shape[0]) for edge in (self._start, self._stop))
-        expected = (last - first, *array.shape[1:])
+        spec = self._specs[name]
+        first, last = (min(edge, spec.shape[0]) for edge in (self._start, self._stop))
+        expected = (last - first, *spec.shape[1:])
         if values.shape != expected:
             raise ValueError(f"{name}, part {self.part}: expected shape {expected}, got {values.shape}")
         try:
-            stored, clipped = encode(values, array.attrs, array.dtype)
+            stored, clipped = encode(values, spec.attributes, np.dtype(spec.dtype))
         except TypeError as error:
             raise TypeError(f"{name}: {error}") from error
         self._missing.discard(name)
@@ -114,10 +124,11 @@ class PartWriter:
         if last == first:
             return
         shard = self.artifact.shard(name, self.part)
+        content = shards.encode(stored, spec.chunk, first_part(self.artifact.laid_out), spec.kind)
         with self._disk():
             self._files[shard] = {}
-            array[first:last] = stored
-            self._files[shard] = files.entry(shard)
+            self._inside.write(shard, content)
+            self._files[shard] = {"size": len(content), "crc32": files.crc32(content)}
 
     def close(self) -> PartRecord:
         """Write the record.
@@ -133,20 +144,19 @@ class PartWriter:
             lacking = ", ".join(sorted(self._missing))
             raise ValueError(f"{self.artifact.path}: part {self.part} lacks {lacking}")
         with self._disk():
-            if self._blocks:
+            if self._tables is not None:
                 self._tables.close()
-                self._files[self._tables.path] = {"size": self._tables.size, "crc32": self._tables.crc32}
+                tables = {"size": self._tables.size, "crc32": self._tables.crc32}
+                self._files[tables_name(self.part)] = tables
             facts = {**self.facts, "clipped": self._clipped} if self._clipped else self.facts
             content = {
                 "start": self._start,
                 "stop": self._stop,
-                "files": {
-                    path.relative_to(self.artifact.path).as_posix(): e for path, e in self._files.items()
-                },
+                "files": self._files,
                 "blocks": self._blocks,
                 "facts": facts,
             }
-            write_record(self.artifact.record_path(self.part), content)
+            self._inside.put(part_name(self.part), content)
         record = self.artifact.part(self.part)
         assert record is not None
         return record
@@ -161,6 +171,10 @@ class PartWriter:
             if kind is None:
                 self.close()
         finally:
+            self._close_tables()
+
+    def _close_tables(self) -> None:
+        if self._tables is not None:
             self._tables.close()
 
     @contextmanager
@@ -170,13 +184,52 @@ class PartWriter:
             with files.full_disk_in_words(self.artifact.path):
                 yield
         except SpaceError:
-            self._tables.close()
+            self._close_tables()
             self._clear()
             raise
 
     def _clear(self) -> None:
         """Remove what the part had; leftovers of killed writers too."""
-        self.artifact.invalidate([self.part])
-        files.remove(self._tables.path)
-        for name in self.artifact.arrays:
-            files.remove(files.below(self.artifact.path, f"{name}/c/{self.part}"))
+        if self.artifact.memory is None:
+            self.artifact.invalidate([self.part])
+        for name in (tables_name(self.part), *(self.artifact.shard(name, self.part) for name in self._specs)):
+            self._inside.remove(name)
+
+
+def write_archive(
+    artifact: Artifact,
+    laid_out: Mapping[str, Any],
+    left: Iterable[Arrays],
+    kind: type[Arrays] | None,
+    times: Sequence[float],
+    names: Sequence[str],
+    facts: Callable[[], Mapping[str, Any]],
+) -> None:
+    """Write an artifact of one part as one file, whole or not at all.
+
+    Parameters
+    ----------
+    laid_out
+        See ``beginning.plan_of``.
+    left
+        What its task leaves.
+    kind, times, names
+        See ``sealing.seal``.
+    facts
+        Called when all is left: small facts for the record.
+
+    Raises
+    ------
+    SpaceError
+        If the disk is full.
+    """
+    memory = Memory({ABOUT: as_json(laid_out)})
+    held = replace(artifact, memory=memory)
+    with PartWriter(held, 0) as writer:
+        for block in left:
+            writer.put(block)
+        writer.facts = dict(facts())
+    memory.records[part_name(0)] = as_json(memory.records[part_name(0)])
+    if kind is not None:
+        seal(held, kind, times, names)
+    files.write_whole(artifact.archive, archive.encode(artifact.archive, memory))

@@ -90,10 +90,10 @@ class Result:
     @property
     def probe(self) -> Probe:
         """Times, names and size of the frames."""
-        described = self.artifact("frames").description
-        if described is None:
-            raise StoreError(f"{self.name}: artifact.json of frames is damaged; run the same command again")
-        return Probe.from_json(described["probe"])
+        looked = self.store.video(self.video).probe(self.keys["frames"])
+        if looked is None:
+            raise StoreError(f"{self.name}: its probe is gone or damaged; run the same command again")
+        return Probe.from_json(looked)
 
     @property
     def tree(self) -> xr.DataTree:

@@ -21,6 +21,7 @@ from zsmoseg import settings
 from zsmoseg.errors import NetworkError
 from zsmoseg.networks.session import Network, open_network
 from zsmoseg.stores.arrays import Arrays
+from zsmoseg.stores.beginning import plan_of
 from zsmoseg.stores.fields import LABELS, Grid, videos_of
 from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.video.frames import read
@@ -204,6 +205,44 @@ class Stage(Generic[I, S]):
             ArraySpec.of(name, declared, {**sizes, **_grid(probe, declared.grid, width)})
             for name, declared in videos_of(self.leaves).items()
         ]
+
+
+def description(
+    stage: Stage[Any, Any],
+    key: str,
+    given: Mapping[str, Any],
+    inputs: Mapping[str, str],
+) -> dict[str, Any]:
+    """What is written beside a result, so that a later plan can say what changed.
+
+    Parameters
+    ----------
+    given
+        The settings that it reads, by section.
+    inputs
+        Keys of the stages that it reads.
+    """
+    return {
+        "stage": stage.name,
+        "version": stage.version,
+        "key": key,
+        "settings": dict(given),
+        "inputs": dict(inputs),
+    }
+
+
+def first_record(
+    stage: Stage[Any, Any],
+    about: Mapping[str, Any],
+    fingerprint: str,
+    probe: Probe,
+    parts: Sequence[tuple[int, int]],
+) -> dict[str, Any]:
+    """The first record of the artifact of a stage (``beginning.plan_of``); ``about``: its ``description``."""
+    given = settings.Settings.model_validate(about["settings"])
+    labels = {dim: list(text) for dim, text in stage.labels(stage.chosen(given)).items()}
+    told = {**about, "fingerprint": fingerprint, "labels": labels}
+    return plan_of(told, parts, stage.video_arrays(probe, given))
 
 
 def _grid(probe: Probe, grid: Grid | None, width: int | None) -> dict[str, int]:

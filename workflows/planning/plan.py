@@ -21,7 +21,7 @@ from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.imports.contents import check
 from zsmoseg.workflows.imports.record import Brought
 from zsmoseg.workflows.imports.settling import settle
-from zsmoseg.workflows.stage import ALL, Stage, working_size
+from zsmoseg.workflows.stage import ALL, Stage, description, working_size
 from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
 
 
@@ -30,7 +30,7 @@ class StagePlan:
     """One stage of one video: its key, how it is cut, which parts are to do, and why.
 
     ``settings`` are those that it reads, ``acting`` what of them is in the key: content in the place of paths;
-    ``again``: asked for (``--from``), whether it is done or not.
+    ``again``: asked for (``--from``), whether it is done or not; ``packed``: its artifact is, or will be, one file.
     """
 
     stage: Stage[Any, Any]
@@ -43,6 +43,7 @@ class StagePlan:
     reason: str = "done"
     again: bool = False
     artifact: Artifact | None = None
+    packed: bool = False
 
     @property
     def given(self) -> Settings:
@@ -52,13 +53,7 @@ class StagePlan:
     @property
     def description(self) -> dict[str, Any]:
         """What is written beside the result, so that a later plan can say what changed."""
-        return {
-            "stage": self.stage.name,
-            "version": self.stage.version,
-            "key": self.key,
-            "settings": self.settings,
-            "inputs": self.inputs,
-        }
+        return description(self.stage, self.key, self.settings, self.inputs)
 
     @property
     def models(self) -> list[str]:
@@ -194,10 +189,15 @@ def _plan_stage(plan: VideoPlan, store: Store, stage: Stage[Any, Any], settings:
     length = -(-settings.chunk.length // span) * span
     parts = [(0, frames)] if stage.scope == "video" else cut(frames, length)
     dumped = {name: section.model_dump(mode="json") for name, section in sections.items()}
-    artifact = None if stage.output else store.artifact(plan.video, stage.name, key)
-    if artifact is not None and stage.scope == "chunk" and artifact.parts:
-        parts = list(artifact.parts)
-    return StagePlan(stage, key, inputs, dumped, active, parts, artifact=artifact)
+    planned = StagePlan(stage, key, inputs, dumped, active, parts)
+    if not stage.output:
+        artifact = planned.artifact = store.artifact(plan.video, stage.name, key)
+        planned.packed = artifact.packed if artifact.exists else frames <= settings.chunk.length
+        if planned.packed:
+            planned.parts = [(0, frames)]
+        elif stage.scope == "chunk" and artifact.parts:
+            planned.parts = list(artifact.parts)
+    return planned
 
 
 def cut(frames: int, length: int) -> list[tuple[int, int]]:

@@ -7,13 +7,15 @@ from typing import Any
 
 from zsmoseg.settings import Settings
 from zsmoseg.stores import files
+from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.beginning import begin
 from zsmoseg.stores.checks import joined_problem, part_problem
 from zsmoseg.stores.leases import lease, sweep
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.sealing import seal
-from zsmoseg.workflows.planning.plan import VideoPlan
+from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
 from zsmoseg.workflows.running.summary import write_summary
+from zsmoseg.workflows.stage import first_record
 
 
 def plans_record(plans: Sequence[VideoPlan]) -> dict[str, Any]:
@@ -34,23 +36,16 @@ def prepare(store: Store, plan: VideoPlan) -> None:
 
     What is finished stays: another run may read it, or may have finished it since this plan was made.
     """
-    store.describe_video(plan.video, plan.source, plan.fingerprint)
+    folder = store.video(plan.video)
+    folder.describe(plan.source, plan.fingerprint)
+    folder.keep_probe(plan.stages["frames"].key, plan.probe.to_json())
     for stage in plan.stages.values():
         if stage.artifact is None:
             continue
-        chosen = stage.stage.chosen(stage.given)
-        labels = {dim: list(text) for dim, text in stage.stage.labels(chosen).items()}
-        description = {**stage.description, "fingerprint": plan.fingerprint, "labels": labels}
-        if stage.stage.name == "frames":
-            description["probe"] = plan.probe.to_json()
-        with lease(stage.artifact.records / "begin.lease"):
-            begin(stage.artifact, description, stage.parts, stage.stage.video_arrays(plan.probe, stage.given))
+        if not stage.packed:
+            _begin(stage, stage.artifact, plan)
         if stage.again:
             stage.artifact.invalidate(stage.todo)
-        if stage.artifact.parts != stage.parts:
-            # another run began it meanwhile, in chunks of another length
-            stage.parts = stage.artifact.parts
-            stage.todo = [i for i in range(len(stage.parts)) if part_problem(stage.artifact, i)]
     outputs = {
         name: stage.description for name, stage in plan.stages.items() if stage.stage.output and stage.todo
     }
@@ -58,13 +53,25 @@ def prepare(store: Store, plan: VideoPlan) -> None:
         plan.output.claim(outputs)
 
 
+def _begin(stage: StagePlan, artifact: Artifact, plan: VideoPlan) -> None:
+    content = first_record(stage.stage, stage.description, plan.fingerprint, plan.probe, stage.parts)
+    with lease(artifact.lease_path("begin")):
+        begin(artifact, content)
+    if artifact.parts != stage.parts:
+        # another run began it meanwhile, in chunks of another length
+        stage.parts = artifact.parts
+        stage.todo = [i for i in range(len(stage.parts)) if part_problem(artifact, i)]
+
+
 def seal_video(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
     """Seal what is whole and not sealed yet; the summary where the plan leaves files."""
     for stage in plan.stages.values():
-        if stage.artifact is not None and stage.stage.leaves and joined_problem(stage.artifact):
-            with lease(stage.artifact.records / "seal.lease"):
+        if stage.artifact is None or stage.packed or not stage.stage.leaves:
+            continue
+        if joined_problem(stage.artifact):
+            with lease(stage.artifact.lease_path("seal")):
                 if joined_problem(stage.artifact):
-                    sweep(stage.artifact.records)
+                    sweep(stage.artifact.path.parent)
                     seal(stage.artifact, stage.stage.leaves, plan.probe.times, plan.probe.names)
     outputs = any(stage.stage.output for stage in plan.stages.values())
     return write_summary(plan, settings) if outputs else None

@@ -6,7 +6,7 @@ import resource
 import sys
 import time
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
@@ -17,9 +17,12 @@ from typing import TYPE_CHECKING, Any
 from zsmoseg.errors import StoreError, ZsmosegError, in_words
 
 if TYPE_CHECKING:
+    from zsmoseg.stores.arrays import Arrays
     from zsmoseg.stores.artifact import Artifact
     from zsmoseg.stores.location import Store
-    from zsmoseg.workflows.stage import Stage
+    from zsmoseg.workflows.stage import Part, Stage
+
+AGAIN = "run the same command again"
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Job:
     """One part of one stage of one video; small, and can be pickled.
 
     ``frames`` is the key that holds the probe, ``networks`` where networks run, ``network`` whether one may;
-    ``promise`` is what its key says of files that it may read (``trust.py``).
+    ``promise`` is what its key says of files that it may read (``trust.py``); ``packed``: it leaves one file.
     """
 
     store: str
@@ -45,6 +48,7 @@ class Job:
     networks: Mapping[str, Any] = field(default_factory=dict)
     network: bool = False
     promise: Mapping[str, str] = field(default_factory=dict)
+    packed: bool = False
 
     @property
     def name(self) -> str:
@@ -89,9 +93,7 @@ def _run(job: Job) -> Outcome:
     from zsmoseg.settings import Networks, Settings
     from zsmoseg.stores.checks import part_problem
     from zsmoseg.stores.files import full_disk_in_words
-    from zsmoseg.stores.leases import lease
     from zsmoseg.stores.location import Store
-    from zsmoseg.stores.writer import PartWriter
     from zsmoseg.video.probe import Probe
     from zsmoseg.workflows.running.trust import refuse_changed
     from zsmoseg.workflows.stage import Part
@@ -99,17 +101,17 @@ def _run(job: Job) -> Outcome:
 
     clock = time.process_time()
     stage, store = GRAPHS[job.graph][job.stage], Store.open(job.store, create=False)
-    described = _described(store.artifact(job.video, "frames", job.frames))
+    looked = store.video(job.video).probe(job.frames)
+    if looked is None:
+        raise StoreError(f"{store.path}: the probe of {job.video} is gone or damaged; {AGAIN}")
     part = Part(
-        Probe.from_json(described["probe"]),
+        Probe.from_json(looked),
         job.start,
         job.stop,
         Path(job.out),
         networks=Networks.model_validate(dict(job.networks)),
     )
     artifact = store.artifact(job.video, job.stage, job.key)
-    if not stage.output:
-        _described(artifact)
     if not stage.output and not part_problem(artifact, job.part):
         return Outcome("done", time.process_time() - clock, peak_memory_mb())
     sections = stage.chosen(Settings.model_validate(dict(job.settings)))
@@ -119,26 +121,47 @@ def _run(job: Job) -> Outcome:
             list(left)
         refuse_changed(job.promise, job.stage, part, sections, store)
         return Outcome("done", time.process_time() - clock, peak_memory_mb(), part.facts)
-    with lease(artifact.lease_path(job.part), lambda: not part_problem(artifact, job.part)) as ours:
-        # somebody else may have finished it while this run waited, or just before: what is finished stays
+
+    def facts() -> dict[str, Any]:
+        refuse_changed(job.promise, job.stage, part, sections, store)
+        warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
+        return {**part.facts, **warm_up, "seconds": round(time.process_time() - clock - part.warm_up, 4)}
+
+    _keep(job, artifact, stage, part, left, facts)
+    return Outcome("done", time.process_time() - clock - part.warm_up, peak_memory_mb())
+
+
+def _keep(
+    job: Job,
+    artifact: Artifact,
+    stage: Stage[Any, Any],
+    part: Part,
+    left: Iterable[Arrays],
+    facts: Callable[[], dict[str, Any]],
+) -> None:
+    """Write what a task leaves, unless somebody else finished it while this run waited, or just before."""
+    from zsmoseg.stores.artifact import part_name
+    from zsmoseg.stores.checks import part_problem
+    from zsmoseg.stores.leases import lease
+    from zsmoseg.stores.writer import PartWriter, write_archive
+    from zsmoseg.workflows.stage import description, first_record
+
+    with lease(
+        artifact.lease_path(part_name(job.part)), lambda: not part_problem(artifact, job.part)
+    ) as ours:
         if not ours or not part_problem(artifact, job.part):
-            return Outcome("done", time.process_time() - clock, peak_memory_mb())
+            return
+        if job.packed:
+            about = description(stage, job.key, job.settings, job.inputs)
+            whole = [(0, part.frames)]
+            laid_out = first_record(stage, about, job.promise["source"], part.probe, whole)
+            times, names = part.probe.times, part.probe.names
+            write_archive(artifact, laid_out, left, stage.leaves, times, names, facts)
+            return
         with PartWriter(artifact, job.part) as writer:
             for block in left:
                 writer.put(block)
-            refuse_changed(job.promise, job.stage, part, sections, store)
-            seconds = time.process_time() - clock - part.warm_up
-            warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
-            writer.facts = {**part.facts, **warm_up, "seconds": round(seconds, 4)}
-    return Outcome("done", seconds, peak_memory_mb())
-
-
-def _described(artifact: Artifact) -> dict[str, Any]:
-    """What was laid out before the first job."""
-    found = artifact.description
-    if found is None:
-        raise StoreError(f"{artifact.path}: is gone or damaged; run the same command again")
-    return found
+            writer.facts = facts()
 
 
 def _inputs(job: Job, stage: Stage[Any, Any], store: Store) -> Any:

@@ -289,6 +289,7 @@ def jobs(
                 networks,
                 bool(stage.models),
                 promised(plan, stage, request.settings.video.fingerprint),
+                stage.packed,
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]

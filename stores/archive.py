@@ -1,0 +1,146 @@
+"""An artifact of a short video as one file: a Zarr v3 group in an uncompressed zip, which Zarr's ``ZipStore`` opens.
+
+The last member, ``records/artifact.json``, holds all records, and says where each other member begins; the comment of the
+zip says where that one is. So one read of the end of the file tells all, and one more brings any table. The file is
+written once, whole or not at all. Standard library only.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from zsmoseg.stores import files
+from zsmoseg.stores.inside import Growing, Memory, Record
+from zsmoseg.stores.records import as_json, trusted, vouched
+
+RECORD = "records/artifact.json"
+_COMMENT = "{:012d} {:012d} {:012d}"
+_COMMENT_BYTES = 38
+_TAIL = 2**16
+"""Bytes that are read at once from the end: the record of a short video and the directory behind it are in it."""
+
+
+def encode(path: Path, memory: Memory) -> bytes:
+    """The file of what is in ``memory``, for the place ``path``: the same bytes whenever it is made."""
+    stream = io.BytesIO()
+    members: dict[str, list[int]] = {}
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name in sorted(memory.files):
+            content = bytes(memory.files[name])
+            members[name] = [_add(archive, name, content), len(content), zlib.crc32(content)]
+        record = vouched(path, as_json({"members": members, "records": memory.records}))
+        text = json.dumps(record, sort_keys=True, allow_nan=False).encode()
+        where = _add(archive, RECORD, text)
+        archive.comment = b" " * _COMMENT_BYTES
+    content = stream.getvalue()
+    comment = _COMMENT.format(where, len(text), len(content)).encode()
+    return content[:-_COMMENT_BYTES] + comment
+
+
+def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> int:
+    """Add a member; where its content begins."""
+    info = zipfile.ZipInfo(name)  # of 1980, whenever it is made
+    archive.writestr(info, content)
+    return info.header_offset + zipfile.sizeFileHeader + len(name.encode())
+
+
+@dataclass(frozen=True)
+class Archive:
+    """The members of the file ``path``, by what its record said of them."""
+
+    path: Path
+    members: Mapping[str, tuple[int, int, int]]
+    records: Mapping[str, dict[str, Any]]
+
+    def record(self, name: str) -> dict[str, Any] | None:
+        """As ``Inside`` says."""
+        return self.records.get(name)
+
+    def has(self, name: str) -> bool:
+        """As ``Inside`` says."""
+        return name in self.records
+
+    def read(self, name: str) -> bytes | None:
+        """As ``Inside`` says."""
+        return self.read_range(name, 0, self.members[name][1]) if name in self.members else None
+
+    def read_range(self, name: str, offset: int, length: int) -> bytes | None:
+        """As ``Inside`` says."""
+        if name not in self.members:
+            return None
+        begin, size, _ = self.members[name]
+        return files.read_range(self.path, begin + offset, max(min(length, size - offset), 0))
+
+    def size(self, name: str) -> int | None:
+        """As ``Inside`` says."""
+        return self.members[name][1] if name in self.members else None
+
+    def write(self, name: str, content: bytes) -> None:
+        """Never: it was written once."""
+        raise self._written()
+
+    def growing(self, name: str) -> Growing:
+        """Never: it was written once."""
+        raise self._written()
+
+    def put(self, name: str, record: Record, sync: bool = False) -> None:
+        """Never: it was written once."""
+        raise self._written()
+
+    def remove(self, name: str) -> None:
+        """Never: it was written once."""
+        raise self._written()
+
+    def drop(self, name: str) -> None:
+        """Never: it was written once."""
+        raise self._written()
+
+    def _written(self) -> RuntimeError:
+        return RuntimeError(f"{self.path}: is written once and for all")
+
+
+def recall(path: Path) -> Archive | None:
+    """The archive; None where there is none, or its record is damaged. Read once while the file stays the same."""
+    stamp = files.stamp(path)
+    return None if stamp is None else _read(path, stamp)
+
+
+@lru_cache(maxsize=256)
+def _read(path: Path, stamp: str) -> Archive | None:
+    size = files.size(path) or 0
+    begin = max(size - _TAIL, 0)
+    tail = files.read_range(path, begin, size - begin) or b""
+    try:
+        where, length, whole = map(int, tail[-_COMMENT_BYTES:].split())
+    except ValueError:
+        return None
+    if whole != size:
+        return None
+    inside = where - begin
+    text = tail[inside : inside + length] if inside >= 0 else files.read_range(path, where, length) or b""
+    try:
+        found = trusted(path, json.loads(text))
+    except ValueError:
+        return None
+    if found is None:
+        return None
+    return Archive(path, {name: tuple(at) for name, at in found["members"].items()}, found["records"])
+
+
+def differs(path: Path, found: Archive) -> bool:
+    """Whether a byte of the file is not as it was written; all of it is read."""
+    content = files.read(path)
+    if content is None:
+        return True
+    again = Memory(dict(found.records), {n: content[a : a + size] for n, (a, size, _) in found.members.items()})
+    return content != encode(path, again) or any(
+        zlib.crc32(again.files[name]) != crc for name, (_, _, crc) in found.members.items()
+    )
