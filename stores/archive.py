@@ -24,6 +24,8 @@ from zsmoseg.stores.records import as_json, trusted, vouched
 RECORD = "records/artifact.json"
 _COMMENT = "{:012d} {:012d} {:012d}"
 _COMMENT_BYTES = 38
+_HEADER = 30
+"""Bytes before the name of a member."""
 _TAIL = 2**16
 """Bytes that are read at once from the end: the record of a short video and the directory behind it are in it."""
 
@@ -49,7 +51,7 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> int:
     """Add a member; where its content begins."""
     info = zipfile.ZipInfo(name)  # of 1980, whenever it is made
     archive.writestr(info, content)
-    return info.header_offset + zipfile.sizeFileHeader + len(name.encode())
+    return int(info.header_offset) + _HEADER + len(name.encode())
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,9 @@ def differs(path: Path, found: Archive) -> bool:
     content = files.read(path)
     if content is None:
         return True
-    again = Memory(dict(found.records), {n: content[a : a + size] for n, (a, size, _) in found.members.items()})
+    again = Memory(
+        dict(found.records), {n: content[a : a + size] for n, (a, size, _) in found.members.items()}
+    )
     return content != encode(path, again) or any(
         zlib.crc32(again.files[name]) != crc for name, (_, _, crc) in found.members.items()
     )

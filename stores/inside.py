@@ -22,8 +22,13 @@ Record = Mapping[str, Any]
 class Growing(Protocol):
     """A file that grows piece by piece."""
 
-    size: int
-    crc32: int
+    @property
+    def size(self) -> int:
+        """Bytes so far."""
+
+    @property
+    def crc32(self) -> int:
+        """Of what was written so far."""
 
     def add(self, content: bytes) -> int:
         """Write a piece; where it begins."""

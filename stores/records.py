@@ -82,7 +82,9 @@ def _stamp(path: Path, content: Mapping[str, Any]) -> str:
     The place is what stands below the store: a store may be moved. Of a video's folder the end counts, which is its
     fingerprint: people may call it otherwise.
     """
-    depth = 5 if path.parent.name == RECORDS else 3 if path.suffix == ARCHIVE or path.parent.name == PROBES else 2
+    depth = (
+        5 if path.parent.name == RECORDS else 3 if path.suffix == ARCHIVE or path.parent.name == PROBES else 2
+    )
     return checksum(
         {"place": [name[-FINGERPRINT:] for name in path.parts[-depth:-1]] + [path.name], **content}
     )

@@ -82,7 +82,6 @@ class ArraySpec:
         """As plain JSON types."""
         return {**asdict(self), "dims": list(self.dims), "shape": list(self.shape)}
 
-
     def metadata(self, length: int) -> dict[str, Any]:
         """Content of its ``zarr.json``; a part of ``length`` frames is one shard."""
         dtype = np.dtype(self.dtype)

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
-import google_crc32c
 import numpy as np
 from numcodecs import blosc, zstd  # type: ignore[import-untyped,unused-ignore]
 

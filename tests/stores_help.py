@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.stores.beginning import begin
+from zsmoseg.stores.beginning import begin, plan_of
 from zsmoseg.stores.fields import table, video, videos_of
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.schema import ArraySpec
@@ -97,7 +97,7 @@ def write_part(artifact: Artifact, part: int, whole: dict[str, np.ndarray], **fa
 
 
 def lay_out(artifact: Artifact, frames: int = 10, length: int = 4) -> None:
-    begin(artifact, DESCRIPTION, cut(frames, length), specs(frames))
+    begin(artifact, plan_of(DESCRIPTION, cut(frames, length), specs(frames)))
 
 
 def seal_it(artifact: Artifact) -> None:
@@ -106,7 +106,7 @@ def seal_it(artifact: Artifact) -> None:
 
 def make_store(root: Path) -> Store:
     store = Store.open(root / "store", create=True)
-    store.describe_video(store.video_id("goat", FINGERPRINT), "goat.mp4", FINGERPRINT, {"frames": 10})
+    store.describe_video(store.video_id("goat", FINGERPRINT), "goat.mp4", FINGERPRINT)
     return store
 
 
@@ -115,7 +115,7 @@ def make_artifact(
 ) -> Artifact:
     """Written and sealed."""
     artifact = store.artifact(store.video_id("goat", FINGERPRINT), "flow", key)
-    begin(artifact, {**DESCRIPTION, "key": key}, cut(frames, length), specs(frames))
+    begin(artifact, plan_of({**DESCRIPTION, "key": key}, cut(frames, length), specs(frames)))
     whole = content(frames, seed)
     for part in range(len(artifact.parts)):
         write_part(artifact, part, whole)
