@@ -16,7 +16,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from zsmoseg.stores import files
@@ -78,10 +78,10 @@ class PartRecord:
 class Artifact:
     """The artifact in the folder ``path`` = ``STORE/VIDEO/STAGE/KEY``; it need not exist yet."""
 
-    path: Path
+    path: PurePath
 
     @property
-    def records(self) -> Path:
+    def records(self) -> PurePath:
         """The folder of what is not Zarr."""
         return files.below(self.path, RECORDS)
 
@@ -116,19 +116,19 @@ class Artifact:
         return tuple(self.laid_out["arrays"][name]["shape"])
 
     # ------------------------------------------------------------------ parts
-    def record_path(self, part: int) -> Path:
+    def record_path(self, part: int) -> PurePath:
         """The record of a part."""
         return self.records / f"{part:04d}.json"
 
-    def tables_path(self, part: int) -> Path:
+    def tables_path(self, part: int) -> PurePath:
         """The file of the tables of a part."""
         return self.records / f"{part:04d}.tables"
 
-    def lease_path(self, part: int) -> Path:
+    def lease_path(self, part: int) -> PurePath:
         """Who works on a part."""
         return self.records / f"{part:04d}.lease"
 
-    def shard(self, name: str, part: int) -> Path:
+    def shard(self, name: str, part: int) -> PurePath:
         """The file that holds a part of a video array."""
         dimensions = len(self.laid_out["arrays"][name]["dims"])
         return files.below(self.path, "/".join([name, "c", str(part), *["0"] * (dimensions - 1)]))
@@ -147,7 +147,7 @@ class Artifact:
             yield Block(part, block["start"], block["stop"], tables)
 
     # ------------------------------------------------------------------ metadata, neighbours
-    def metadata(self) -> Iterator[tuple[Path, bytes]]:
+    def metadata(self) -> Iterator[tuple[PurePath, bytes]]:
         """The metadata files of the video arrays, and what they have to hold."""
         for name, content in self.laid_out.get("layout", {}).items():
             yield files.below(self.path, f"{name}/zarr.json"), json.dumps(content, indent=2).encode()

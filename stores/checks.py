@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from zsmoseg.errors import StoreError
@@ -21,7 +21,7 @@ Expected = Mapping[str, Mapping[str, int]]
 class Damage:
     """A file that is not as its record says; ``part`` where it belongs to one part of an artifact."""
 
-    path: Path
+    path: PurePath
     part: int | None
     what: str
 
@@ -67,7 +67,7 @@ def wrong_sizes(
     return found
 
 
-def _record(artifact: Artifact, part: int | None) -> Path:
+def _record(artifact: Artifact, part: int | None) -> PurePath:
     return artifact.records / "done.json" if part is None else artifact.record_path(part)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
 from zsmoseg.stores.artifact import AGAIN, Artifact, Block
 from zsmoseg.stores.checks import Damage, part_problem, wrong_content, wrong_sizes
+from zsmoseg.stores.files import Stat
 from zsmoseg.stores.fixedpoint import decode
 from zsmoseg.stores.packing import unpack
 from zsmoseg.stores.schema import load_zarr
@@ -37,7 +38,7 @@ def open_array(artifact: Artifact, name: str) -> Any:
 
 
 @lru_cache(maxsize=256)
-def _open(path: Path, signature: tuple[int, int, int] | None) -> Any:
+def _open(path: PurePath, signature: Stat | None) -> Any:
     array = load_zarr().open_array(files.zarr_store(path), mode="r+")
     return array.with_config({"write_empty_chunks": True})
 

@@ -10,10 +10,11 @@ import json
 import zlib
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from zsmoseg.stores import files
+from zsmoseg.stores.files import Stat
 
 RECORDS = "records"
 """The folder of an artifact that has its records."""
@@ -21,7 +22,7 @@ FINGERPRINT = 16
 """Characters at the end of a folder's name that count: of a video those of its fingerprint."""
 
 
-def read_json(path: Path) -> dict[str, Any] | None:
+def read_json(path: PurePath) -> dict[str, Any] | None:
     """The object in ``path``; None where it is missing, empty, cut off or no object."""
     try:
         value = json.loads(files.read(path) or b"")
@@ -30,7 +31,7 @@ def read_json(path: Path) -> dict[str, Any] | None:
     return value if isinstance(value, dict) else None
 
 
-def write_json(path: Path, value: Mapping[str, Any], sync: bool = False) -> None:
+def write_json(path: PurePath, value: Mapping[str, Any], sync: bool = False) -> None:
     """Write ``value`` beside ``path`` and move it there; ``sync``: on the disk before the name appears.
 
     Raises
@@ -41,7 +42,7 @@ def write_json(path: Path, value: Mapping[str, Any], sync: bool = False) -> None
     files.write_whole(path, _text(value).encode() + b"\n", sync)
 
 
-def read_record(path: Path) -> dict[str, Any] | None:
+def read_record(path: PurePath) -> dict[str, Any] | None:
     """What ``write_record`` wrote; None where the file is missing or differs from that in anything."""
     value = read_json(path)
     if value is None:
@@ -50,7 +51,7 @@ def read_record(path: Path) -> dict[str, Any] | None:
     return value if noted == _stamp(path, value) else None
 
 
-def write_record(path: Path, value: Mapping[str, Any], sync: bool = False) -> None:
+def write_record(path: PurePath, value: Mapping[str, Any], sync: bool = False) -> None:
     """Write ``value`` with a checksum, atomically; numpy numbers and arrays become plain ones.
 
     Raises
@@ -64,7 +65,7 @@ def write_record(path: Path, value: Mapping[str, Any], sync: bool = False) -> No
     write_json(path, {**content, "checksum": _stamp(path, content)}, sync)
 
 
-def _stamp(path: Path, content: Mapping[str, Any]) -> str:
+def _stamp(path: PurePath, content: Mapping[str, Any]) -> str:
     """The checksum of a record, for the place where it lies.
 
     The place is what stands below the store: a store may be moved. Of a video's folder the end counts, which is its
@@ -98,12 +99,12 @@ def checksum(content: Mapping[str, Any]) -> str:
     return f"{zlib.crc32(_text(content).encode()):08x}"
 
 
-def recall_record(path: Path) -> dict[str, Any] | None:
+def recall_record(path: PurePath) -> dict[str, Any] | None:
     """As ``read_record``, parsed once while the file stays the same; not to be changed by who gets it."""
     signature = files.signature(path)
     return _parsed(path, signature) if signature else None
 
 
 @lru_cache(maxsize=64)
-def _parsed(path: Path, signature: tuple[int, int, int]) -> dict[str, Any] | None:
+def _parsed(path: PurePath, signature: Stat) -> dict[str, Any] | None:
     return read_record(path)

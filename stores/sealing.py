@@ -169,7 +169,7 @@ class _Whole:
 
     def _write(self, name: str, content: bytes) -> None:
         path = self.artifact.path / name
-        with files.full_disk_in_words(path):
+        with files.errors_in_words(path):
             files.write(path, content)
         self.files[name] = {"size": len(content), "crc32": files.crc32(content)}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import PurePath
 from types import TracebackType
 from typing import Any, Self
 
@@ -40,7 +40,7 @@ class PartWriter:
         self.part = part
         self.facts: dict[str, Any] = {}
         self._start, self._stop = artifact.parts[part]
-        self._files: dict[Path, dict[str, int]] = {}
+        self._files: dict[PurePath, dict[str, int]] = {}
         self._clipped: dict[str, int] = {}
         self._blocks: list[dict[str, Any]] = []
         self._tables = files.Appended(artifact.tables_path(part))
@@ -167,7 +167,7 @@ class PartWriter:
     def _disk(self) -> Iterator[None]:
         """Around writing: a full disk becomes a ``SpaceError``, and the part vanishes."""
         try:
-            with files.full_disk_in_words(self.artifact.path):
+            with files.errors_in_words(self.artifact.path):
                 yield
         except SpaceError:
             self._tables.close()
