@@ -147,6 +147,15 @@ class Output:
         """Write a file, whole or not at all, and note it."""
         self.add({name: files.write_noted(files.below(self.path, name, OutputError), content)}, key)
 
+    def finish(self, contents: Mapping[str, bytes], key: str, keep: Iterable[str]) -> None:
+        """Write the last files, and remove those of ours that are neither these nor among ``keep``."""
+        if not self.listed:
+            self.claim({})
+        for name, content in contents.items():
+            noted = files.write_noted(files.below(self.path, name, OutputError), content)
+            self.files[name] = {**noted, "key": key}
+        self.remove_others([*keep, *contents])
+
     def remove_others(self, keep: Iterable[str]) -> None:
         """Remove the files of ours that are not among ``keep``; what lies behind a link is no longer ours."""
         kept = set(keep)

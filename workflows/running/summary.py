@@ -13,6 +13,7 @@ from zsmoseg import __version__
 from zsmoseg.settings import Settings
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.output import STATES, SUMMARY
+from zsmoseg.stores.records import as_json, read_json
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
@@ -24,13 +25,39 @@ T = TypeVar("T", bound=Arrays)
 
 def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     """Describe a finished video in its output folder, and clear the folder of what an older run left there."""
+    kept = _kept(plan, settings)
+    if kept is not None:
+        return kept
     summary = summarise(plan, settings)
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
-    plan.output.claim({})
-    for name, content in ((SUMMARY, text), (STATES, states(plan))):
-        plan.output.write(name, content.encode(), plan.stages["groups"].key)
-    plan.output.remove_others([*plan.files, SUMMARY, STATES])
+    contents = {SUMMARY: text.encode(), STATES: states(plan).encode()}
+    plan.output.finish(contents, plan.stages["groups"].key, plan.files)
     return summary
+
+
+def _kept(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
+    """The summary that is there, if it is of just this and nothing is to be cleared; reads no array."""
+    names = [SUMMARY, STATES]
+    if plan.output.files.keys() - {*plan.files, *names} or plan.output.problem(
+        names, plan.stages["groups"].key
+    ):
+        return None
+    found = read_json(plan.output.path / SUMMARY) or {}
+    about = as_json(_about(plan, settings))
+    return found if all(found.get(name) == value for name, value in about.items()) else None
+
+
+def _about(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
+    """What tells one summary from another without a look at the arrays."""
+    return {
+        "zsmoseg": __version__,
+        "source": plan.source,
+        "fingerprint": plan.fingerprint,
+        "frames": len(plan.probe.times),
+        "size": [plan.probe.width, plan.probe.height],
+        "settings": settings.flat(),
+        "keys": {name: stage.key for name, stage in plan.stages.items()},
+    }
 
 
 def states(plan: VideoPlan) -> str:
@@ -73,11 +100,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     names = object_names(described) if described is not None and "detections" in plan.stages else []
     moving, visibility = moving_objects(found, 0, frames), _read(plan, "affinity", Affinity).visibility
     return {
-        "zsmoseg": __version__,
-        "source": plan.source,
-        "fingerprint": plan.fingerprint,
-        "frames": frames,
-        "size": [plan.probe.width, plan.probe.height],
+        **_about(plan, settings),
         "objects": int((area[1:] > 0).sum()),
         "groups": len(np.unique(np.append(group, 0))),
         "moving_groups": len(np.unique(group[group > 0])),
@@ -100,8 +123,6 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
             for n in np.flatnonzero(area > 0)
             if n > 0
         ],
-        "settings": settings.flat(),
-        "keys": {name: stage.key for name, stage in plan.stages.items()},
         "stages": {
             name: _cost(plan, name) for name, stage in plan.stages.items() if stage.artifact is not None
         },
