@@ -8,6 +8,7 @@ from typing import Any
 from zsmoseg.errors import FormatError, SettingsError
 from zsmoseg.formats.mask_formats import open_masks
 from zsmoseg.formats.names import find_for_video
+from zsmoseg.remote.url import is_url
 from zsmoseg.settings import Settings
 from zsmoseg.stores.location import Store
 from zsmoseg.workflows.imports.record import Brought, brought_before, fingerprint
@@ -31,6 +32,7 @@ def settle(
     FormatError
         Nothing for this video at the path.
     """
+    _refuse_urls(settings)
     before = brought_before(store, video)
     brought: dict[str, Brought] = {}
     update: dict[str, Any] = {}
@@ -53,6 +55,16 @@ def settle(
     depth = update["depth"].source != "constant"
     update["motion"] = settings.motion.model_copy(update={"model": settings.motion.chosen(depth)})
     return with_models(settings.model_copy(update=update)), brought
+
+
+def _refuse_urls(settings: Settings) -> None:
+    """What is brought beside the source lies on this machine; a URL is not repeated, it may hold a secret."""
+    brought = {f"{kind}.path": getattr(settings, kind).path for kind in KINDS}
+    for name, path in {**brought, "ignore.mask": settings.ignore.mask}.items():
+        if is_url(path):
+            raise SettingsError(
+                f"{name}: is a URL; give a path: only sources, stores and outputs are taken by URL"
+            )
 
 
 def _refuse_both(kind: str, section: Any, named: bool, source: str) -> None:

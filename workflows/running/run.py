@@ -14,6 +14,7 @@ from zsmoseg.errors import (
     system_errors_in_words,
 )
 from zsmoseg.networks.session import chosen_provider
+from zsmoseg.remote.bucket import one_look
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import RunRecord
@@ -86,10 +87,18 @@ def make_plans(
 
 
 def _make_plan(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
+    with one_look():
+        return _planned(request, store, source, name, alone)
+
+
+def _planned(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
     settings = request.settings
     fingerprint = store.fingerprint(source, settings.video.fingerprint)
     looked = probe(source, settings.video.parameters(Excerpt))
     video = store.video_id(name, fingerprint)
+    for folder in (store.video(video).path, request.out / name):
+        if files.is_remote(folder):
+            files.listing(folder)
     return plan_video(
         store,
         source,
@@ -114,7 +123,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
         Before anything is started: bad sources, settings, store, output folder, too little disk, no cluster.
     """
     watcher = watcher or Quiet()
-    with system_errors_in_words():
+    with system_errors_in_words(), one_look():
         place, _ = files.folder(request.store), files.folder(request.out)
         found = found_in(request)
         store = Store.open(place, create=True)
@@ -311,7 +320,7 @@ def _finish(plan: VideoPlan, request: Request, report: Report, watcher: Watcher)
 
 def dry_run(request: Request) -> list[str]:
     """The plan in words; nothing is written."""
-    with system_errors_in_words():
+    with system_errors_in_words(), one_look():
         store = Store(files.folder(request.store))
         if files.exists(store.path):
             store = Store.open(request.store, create=False)

@@ -14,7 +14,10 @@ from typing import Any, TypeVar
 
 from zsmoseg import __version__
 from zsmoseg.errors import ClusterError, in_words
+from zsmoseg.remote.url import is_url
 from zsmoseg.stores import files
+from zsmoseg.video import places
+from zsmoseg.video.sources import image_files
 
 T = TypeVar("T")
 SHOWN = 4
@@ -78,6 +81,8 @@ def _look(needs: Needs) -> str | None:
 def _readable(source: str) -> bool:
     """Whether a file can be opened, a folder listed; of a glob the folder counts."""
     try:
+        if is_url(source):
+            return places.is_file(source) or bool(image_files(source))
         if os.path.isfile(source):
             with open(source, "rb") as file:
                 file.read(1)

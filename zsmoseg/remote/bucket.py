@@ -15,8 +15,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from zsmoseg.remote.url import READABLE, URL
 from zsmoseg.remote.refusals import in_words
+from zsmoseg.remote.url import READABLE, URL
 
 if TYPE_CHECKING:
     from obstore.store import RetryConfig
@@ -38,6 +38,8 @@ OPTIONS = ("allow_http", "allow_invalid_certificates", "connect_timeout", "proxy
            "proxy_url", "timeout")  # fmt: skip
 """Of the connection, taken from the environment (``AWS_ALLOW_HTTP``, ``AZURE_PROXY_URL``)."""
 PREFIXES = {"s3": "AWS_", "gs": "GOOGLE_", "az": "AZURE_"}
+PIECE = 1 << 23
+"""Bytes of a file that are in memory at once while it is fetched."""
 BATCH = 1000
 """Objects that one request names at most."""
 
@@ -132,21 +134,24 @@ _looks = threading.local()
 def one_look() -> Iterator[None]:
     """Within the block this thread lists each folder once at most, and asks for no file in one that it listed.
 
-    What it writes or removes meanwhile it knows; what others do it sees at its next look.
+    What it writes or removes meanwhile it knows; what others do it sees at its next look. Looks nest: the inner one
+    knows what the outer one has seen, and forgets the rest at its end.
     """
-    outer, _looks.seen = getattr(_looks, "seen", None), {}
+    outer: dict[URL, dict[str, Stat]] | None = getattr(_looks, "seen", None)
+    _looks.seen = dict(outer or {})
     try:
         yield
     finally:
         _looks.seen = outer
 
 
-def _seen(url: URL) -> tuple[URL, dict[str, Stat]] | None:
-    """The listing, of this look, of a folder that holds ``url``, or of ``url`` itself."""
+def _seen(url: URL, itself: bool = True) -> tuple[URL, dict[str, Stat]] | None:
+    """The listing, of this look, of a folder that holds ``url``, or (``itself``) of the folder ``url``."""
     seen: dict[URL, dict[str, Stat]] | None = getattr(_looks, "seen", None)
     if not seen:
         return None
-    return next(((place, seen[place]) for place in (url, *url.parents) if place in seen), None)
+    places = (url, *url.parents) if itself else url.parents
+    return next(((place, seen[place]) for place in places if place in seen), None)
 
 
 def _note(url: URL, stat: Stat | None) -> None:
@@ -196,7 +201,7 @@ def stat(url: URL) -> Stat | None:
     """Of a file; None where there is none."""
     import obstore
 
-    found = _seen(url)
+    found = _seen(url, itself=False)
     if found:
         return found[1].get(str(url.relative_to(found[0])))
     if not url.key:
@@ -255,6 +260,31 @@ def get(url: URL, known: str | None = None) -> tuple[bytes, Stat] | None:
         return _ask(url, ask)
     except FileNotFoundError:
         return None
+
+
+def fetch(url: URL, to: Path, known: str | None = None) -> str:
+    """Write the content of a file to a local one; its stamp. Where it is ``known`` nothing is written.
+
+    Raises
+    ------
+    OSError
+        If there is none, or it cannot be read.
+    """
+    import obstore
+    from obstore.exceptions import NotModifiedError
+
+    def ask() -> str:
+        options: Any = {"if_none_match": known} if known else None
+        try:
+            found = obstore.get(of(url), url.key, options=options)
+        except NotModifiedError:
+            return known or ""
+        with to.open("xb") as file:
+            for piece in found.stream(min_chunk_size=PIECE):
+                file.write(piece)
+        return _stat(found.meta).stamp
+
+    return _ask(url, ask)
 
 
 def get_range(url: URL, offset: int, length: int) -> bytes | None:

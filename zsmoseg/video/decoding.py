@@ -15,6 +15,7 @@ from av.sidedata.sidedata import Type
 from numpy.typing import NDArray
 
 from zsmoseg.errors import VideoError
+from zsmoseg.video import places
 from zsmoseg.video.bounds import PIXELS
 
 UInt8 = NDArray[np.uint8]
@@ -23,8 +24,8 @@ LIMIT = {"max_pixels": str(PIXELS)}
 
 
 def media(path: str | Path) -> str:
-    """A path as FFmpeg takes it: what stands before a colon in it is no protocol."""
-    return f"file:{path}"
+    """A path, or the copy of a URL, as FFmpeg takes it: what stands before a colon in it is no protocol."""
+    return f"file:{places.here(str(path))}"
 
 
 def _picture(frame: Any) -> UInt8:
@@ -149,7 +150,7 @@ def _decoded(container: Any, stream: Any, sure: int) -> Iterator[Any]:
 def decoder(path: str, keys: tuple[int, ...]) -> Decoder:
     """The decoder of a file that this process used last: chunks in order go on without a seek."""
     try:
-        stat = os.stat(path)
+        stat = os.stat(places.here(path))
     except OSError as error:
         raise VideoError(f"{path}: cannot be opened ({error.strerror})") from error
     return _kept(path, keys, (stat.st_size, stat.st_mtime_ns, stat.st_ino))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import VideoError
+from zsmoseg.video import places
 from zsmoseg.video.bounds import TooLarge, check_size, open_image
 
 WIDTH, HEIGHT, ORIENTATION = 0x0100, 0x0101, 0x0112
@@ -25,7 +26,7 @@ SIDEWAYS = 5
 def image_size(file: str) -> tuple[int, int]:
     """(width, height) as displayed, from the header."""
     try:
-        with open_image(file) as image:
+        with open_image(places.here(file)) as image:
             tags = image.getexif()
             width, height = image.size
             if image.format == "TIFF":  # Pillow may have turned it
@@ -40,7 +41,7 @@ def image_size(file: str) -> tuple[int, int]:
 def pixels(file: str) -> NDArray[Any] | None:
     """(H, W, 3) as displayed, at the depth of the file; None where it is no image or cut off."""
     try:
-        content = Path(file).read_bytes()
+        content = Path(places.here(file)).read_bytes()
     except OSError as error:
         raise unreadable(file, f"cannot be read ({error.strerror})") from error
     if not content or _cut_off(content):

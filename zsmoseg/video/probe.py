@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from zsmoseg.errors import VideoError
+from zsmoseg.video import places
 from zsmoseg.video.index import index
 from zsmoseg.video.pixels import image_size
 from zsmoseg.video.sources import image_files
@@ -89,16 +90,16 @@ def probe(source: str, excerpt: Excerpt) -> Probe:
     files = image_files(source)
     if files:
         return _probe_images(source, files, excerpt)
-    if os.path.isdir(source):
+    if places.is_folder(source):
         raise VideoError(f"{source}: holds no frames; give a folder of images (jpg, png, tif, bmp, webp)")
-    if not os.path.exists(source):
+    if not places.is_file(source):
         raise VideoError(f"{source}: no such file or folder")
     return _probe_file(source, excerpt)
 
 
 def _probe_images(source: str, files: list[str], excerpt: Excerpt) -> Probe:
     used = _used([i / excerpt.fps for i in range(len(files))], source, excerpt)
-    chosen = [os.path.abspath(files[i]) for i in used]
+    chosen = [places.absolute(files[i]) for i in used]
     sizes = [image_size(f) for f in chosen]
     for file, size in zip(chosen, sizes, strict=True):
         if size != sizes[0]:
@@ -109,7 +110,7 @@ def _probe_images(source: str, files: list[str], excerpt: Excerpt) -> Probe:
     stems = [os.path.splitext(os.path.basename(f))[0] for f in chosen]
     names = stems if len(set(stems)) == len(stems) else [f"{i:05d}" for i in used]
     times = tuple(i / excerpt.fps for i in used)
-    where = os.path.abspath(source)
+    where = places.absolute(source)
     return Probe(
         where, tuple(chosen), (), (), tuple(names), times, *sizes[0], indices=tuple(used), total=len(files)
     )
@@ -126,7 +127,7 @@ def _probe_file(source: str, excerpt: Excerpt) -> Probe:
     times = [(p - pts[0]) * found.time_base for p in pts]
     used = _used(times, source, excerpt)
     return Probe(
-        os.path.abspath(source),
+        places.absolute(source),
         (),
         tuple(pts[i] for i in used),
         found.keys,

@@ -1,4 +1,4 @@
-"""What users point at: files, folders of frames, globs, datasets; and what each video is called."""
+"""What users point at: files, folders of frames, globs, datasets, by path or URL; and what each video is called."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from zsmoseg.errors import VideoError
+from zsmoseg.remote.bucket import one_look
+from zsmoseg.remote.url import is_url
+from zsmoseg.video import places
 from zsmoseg.video.plain_names import plain
 
 VIDEOS = {".mp4", ".avi", ".mov", ".webm", ".mkv", ".m4v", ".mpg", ".mpeg", ".ogv"}
@@ -37,31 +40,30 @@ def sources(arguments: Sequence[str]) -> list[str]:
         Where one means nothing, or no video.
     """
     once: dict[tuple[str, ...], str] = {}
-    for argument in arguments:
+    for argument in map(places.settled, arguments):
         try:
             for video in _expand(argument):
                 files = _images(video) or [video]
-                once.setdefault(tuple(os.path.realpath(file) for file in files), video)
+                once.setdefault(tuple(places.identity(file) for file in files), video)
         except OSError as error:
             raise VideoError(f"{error.filename or argument}: cannot be read ({error.strerror})") from error
     return list(once.values())
 
 
 def _expand(argument: str) -> list[str]:
-    path = Path(argument)
-    if path.is_dir():
-        return _folder(path)
-    if path.is_file():
-        if path.suffix.lower() in IMAGES:
+    if places.is_folder(argument):
+        return _folder(argument if is_url(argument) else str(Path(argument)))
+    if places.is_file(argument):
+        if _ending(argument) in IMAGES:
             raise VideoError(
                 f"{argument}: is one image; give a video, a folder of frames, or a glob in quotes"
             )
         return [argument]
     if glob.has_magic(argument):
-        matches = sorted(glob.glob(argument, recursive=True), key=natural)
-        if matches and all(Path(m).suffix.lower() in IMAGES for m in matches):
+        matches = sorted(places.matches(argument), key=natural)
+        if matches and all(_ending(m) in IMAGES for m in matches):
             return [argument]
-        wanted = [m for m in matches if Path(m).is_dir() or Path(m).suffix.lower() in VIDEOS]
+        wanted = [m for m in matches if places.is_folder(m) or _ending(m) in VIDEOS]
         if wanted:
             return [video for match in wanted for video in _expand(match)]
         if matches:
@@ -72,15 +74,15 @@ def _expand(argument: str) -> list[str]:
     raise VideoError(f"{argument}: no such file or folder")
 
 
-def _folder(path: Path) -> list[str]:
+def _folder(path: str) -> list[str]:
     """One video if it holds images, else the videos in it and in its folders."""
-    if image_files(str(path)):
-        return [str(path)]
+    if image_files(path):
+        return [path]
     for inner in DATASET:
-        if (path / inner).is_dir():
-            return _folder(path / inner)
-    entries = sorted(path.iterdir(), key=natural)
-    found = [str(p) for p in entries if p.suffix.lower() in VIDEOS or (p.is_dir() and _images(str(p)))]
+        if places.is_folder(f"{path}/{inner}"):
+            return _folder(f"{path}/{inner}")
+    entries = sorted(places.children(path), key=natural)
+    found = [p for p in entries if _ending(p) in VIDEOS or (places.is_folder(p) and _images(p))]
     if not found:
         raise VideoError(f"{path}: holds neither frames nor videos")
     return found
@@ -88,13 +90,17 @@ def _folder(path: Path) -> list[str]:
 
 def image_files(source: str) -> list[str]:
     """The images of a folder or glob in natural order; empty for a video file."""
-    if os.path.isdir(source):
-        names = [entry.path for entry in os.scandir(source) if not entry.name.startswith(".")]
-    elif os.path.exists(source):
+    if places.is_folder(source):
+        names = places.children(source)
+    elif not glob.has_magic(source) or places.is_file(source):
         return []
     else:
-        names = glob.glob(source, recursive=True)
-    return sorted((n for n in names if os.path.splitext(n)[1].lower() in IMAGES), key=natural)
+        names = places.matches(source)
+    return sorted((n for n in names if _ending(n) in IMAGES), key=natural)
+
+
+def _ending(name: str) -> str:
+    return os.path.splitext(name)[1].lower()
 
 
 def _images(source: str) -> list[str]:
@@ -137,21 +143,20 @@ def title(video: str) -> str:
 
 def _parts(video: str) -> list[str]:
     """The path as names that are safe in file names; a glob is named by its folder."""
-    path = Path(os.path.abspath(video))
-    if glob.has_magic(path.name):
-        path = path.parent
-    stem = path.stem if path.suffix.lower() in VIDEOS else path.name
-    return [plain(part) for part in (*path.parts[1:-1], stem)]
+    parts = places.parts(video)
+    if glob.has_magic(parts[-1]):
+        parts = parts[:-1]
+    stem = Path(parts[-1]).stem if _ending(parts[-1]) in VIDEOS else parts[-1]
+    return [plain(part) for part in (*parts[:-1], stem)]
 
 
 def stat_signature(source: str) -> str:
-    """Path, size, time of change and inode of every file: what a cached fingerprint is looked up by."""
-    files = image_files(source) or [source]
-    text = "\n".join(
-        f"{os.path.realpath(f)} {s.st_size} {s.st_mtime_ns} {s.st_ctime_ns} {s.st_ino}"
-        for f in files
-        for s in [os.stat(f)]
-    )
+    """Path, size, time of change and inode of every file: what a cached fingerprint is looked up by.
+
+    Of a URL name, size, time and ETag, from one listing.
+    """
+    with one_look():
+        text = "\n".join(places.signature(file) for file in image_files(source) or [source])
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -159,11 +164,11 @@ def fingerprint(source: str, method: str) -> str:
     """By which a source is known: sha256 of its content, or (``stat``) of names, sizes and times of change."""
     files = image_files(source)
     if method == "stat":
-        digests = [f"{s.st_size} {s.st_mtime_ns}" for f in files or [source] for s in [os.stat(f)]]
+        digests = [places.size_and_time(file) for file in files or [source]]
     else:
         digests = []
         for file in files or [source]:
-            with open(file, "rb") as stream:
+            with open(places.here(file), "rb") as stream:
                 digests.append(hashlib.file_digest(stream, "sha256").hexdigest())
     named = [f"{os.path.basename(f)} {d}" for f, d in zip(files or [""], digests, strict=True)]
     return hashlib.sha256("\n".join(named).encode()).hexdigest()
