@@ -4,6 +4,7 @@
     STORE/runs/                    records of runs
     STORE/fingerprints/            fingerprints of sources that were read already
     STORE/VIDEO/video.json         source, fingerprint, probe; VIDEO is <stem>-<16 digits of the fingerprint>
+    STORE/VIDEO/runs/              what each run did with it
     STORE/VIDEO/STAGE/KEY/         one artifact
 
 Standard library only.
