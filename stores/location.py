@@ -5,6 +5,7 @@
     STORE/fingerprints/            fingerprints of sources that were read already
     STORE/VIDEO/video.json         source, fingerprint; VIDEO is <stem>-<16 digits of the fingerprint>
     STORE/VIDEO/probes/            times, names and sizes of the frames that are used
+    STORE/VIDEO/runs/              what each run did with it
     STORE/VIDEO/STAGE/KEY/         one artifact, or STAGE/KEY.zip
 
 Standard library only.

@@ -1,11 +1,18 @@
-"""The records of runs: what was asked for, which keys it reached, how it ended. Standard library only."""
+"""The records of runs: what was asked for, what each video reached, how it ended. Standard library only.
+
+    STORE/runs/RUN.json               settings, versions, names of the videos, outcome; failures of videos without a folder
+    STORE/VIDEO/runs/RUN-NAME.json    one video of the run: source, output folder, keys, outcome; NAME is a digest
+
+A run writes one small record a video, so a batch of any size costs as much a video as a single one.
+"""
 
 from __future__ import annotations
 
 import platform
 import uuid
-from collections.abc import Mapping
-from dataclasses import dataclass
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import PurePath
@@ -14,47 +21,82 @@ from typing import Any
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.records import read_record, write_record
+from zsmoseg.stores.records import FINGERPRINT, read_record, write_record
 from zsmoseg.video.plain_names import stays
 
 PACKAGES = ("zsmoseg", "numpy", "scipy", "zarr", "numcodecs", "numba", "opencv-python-headless", "av")
 """What a run notes the version of."""
+RUNS = "runs"
+"""The folder of a video that has its records of runs."""
+DONE, FAILED, RUNNING, INTERRUPTED = "done", "failed", "running", "interrupted"
+"""How a run, or a video of it, stands: it stays at ``running`` where the run was killed."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What a run did with one video.
+
+    Attributes
+    ----------
+    run, name, video
+        The ids of run and video, the name that the video had; no ``video`` where it did not come so far.
+    source, out, graph, keys
+        What was read; the output folder, empty where nothing is written there; stage to key.
+    outcome, failure, trace
+        How it stands, why it failed, and where, if nobody expected that.
+    """
+
+    run: str
+    name: str
+    video: str = ""
+    source: str = ""
+    out: str = ""
+    graph: str = ""
+    keys: Mapping[str, str] = field(default_factory=dict)
+    outcome: str = RUNNING
+    failure: str = ""
+    trace: str = ""
 
 
 @dataclass
 class RunRecord:
     """The record of one run: ``runs/<UTC time>-<id>.json``."""
 
-    path: PurePath
+    store: Store
     content: dict[str, Any]
 
     @classmethod
-    def begin(cls, store: Store, settings: Mapping[str, Any], videos: Mapping[str, Any]) -> RunRecord:
-        """Note what is about to run.
-
-        Parameters
-        ----------
-        settings
-            All settings by dotted name.
-        videos
-            By name: ``video`` (its id), ``keys`` (stage to key) and what else is worth remembering.
-        """
+    def begin(cls, store: Store, settings: Mapping[str, Any], names: Sequence[str]) -> RunRecord:
+        """Note what is about to run: all settings by dotted name, the names of all videos."""
         now = datetime.now(UTC)
-        name = f"{now:%Y%m%dT%H%M%S.%fZ}-{uuid.uuid4().hex[:6]}"
         content = {
-            "id": name,
+            "id": f"{now:%Y%m%dT%H%M%S.%fZ}-{uuid.uuid4().hex[:6]}",
             "begun": now.isoformat(timespec="seconds"),
             "settings": dict(settings),
-            "videos": dict(videos),
+            "names": list(names),
             "versions": versions(),
-            "outcome": "running",
+            "outcome": RUNNING,
         }
-        record = cls(run_path(store, name), content)
+        record = cls(store, content)
         write_record(record.path, content)
         return record
 
+    @property
+    def id(self) -> str:
+        """Its name in the store."""
+        return str(self.content["id"])
+
+    @property
+    def path(self) -> PurePath:
+        """Where it is."""
+        return run_path(self.store, self.id)
+
+    def note(self, entry: Entry) -> None:
+        """Note how a video stands."""
+        write_record(_entry_path(self.store, entry), asdict(entry))
+
     def end(self, outcome: str, failures: Mapping[str, str], traces: Mapping[str, str]) -> None:
-        """Note how it ended; ``traces`` of what nobody expected."""
+        """Note how the run ended; ``failures``, ``traces``: of videos that have no record of their own."""
         ended = datetime.now(UTC).isoformat(timespec="seconds")
         self.content |= {"outcome": outcome, "failures": dict(failures), "ended": ended}
         if traces:
@@ -73,6 +115,7 @@ def versions() -> dict[str, str]:
     return found
 
 
+# ---------------------------------------------------------------------- runs
 def run_path(store: Store, run: str) -> PurePath:
     """Where the record of a run is."""
     return files.below(store.runs, f"{run}.json", one=True)
@@ -84,29 +127,13 @@ def run_ids(store: Store) -> list[str]:
 
 
 def read_run(store: Store, run: str) -> dict[str, Any] | None:
-    """The record of a run; None where it is missing, damaged, or names what does not lie in the store."""
-    record = read_record(run_path(store, run))
-    if not record or record.get("id") != run or not isinstance(record.get("videos"), dict):
+    """The record of a run; None where it is missing, damaged or another's."""
+    record = read_record(run_path(store, run)) or {}
+    names, failures = record.get("names"), record.setdefault("failures", {})
+    if record.get("id") != run or not isinstance(names, list) or not isinstance(failures, dict):
         return None
-    return record if all(_is_video(*entry) for entry in record["videos"].items()) else None
-
-
-def _is_video(name: str, video: object) -> bool:
-    """Whether it is what a run notes of a video."""
-    if not isinstance(video, dict) or not isinstance(video.get("keys"), dict):
-        return False
-    told = [name, video.get("video"), *video["keys"], *video["keys"].values()]
-    return all(stays(part) and "/" not in part for part in told) and isinstance(video.get("out", ""), str)
-
-
-def outputs(store: Store) -> dict[str, str]:
-    """The output folders that runs remember, and the id of the video that each was written for last."""
-    return {
-        video["out"]: video["video"]
-        for run in list_runs(store)
-        for video in run["videos"].values()
-        if video.get("out")
-    }
+    told = [record.get("outcome"), *names, *failures.values()]
+    return record if all(isinstance(text, str) for text in told) else None
 
 
 def list_runs(store: Store) -> list[dict[str, Any]]:
@@ -122,6 +149,91 @@ def forget_run(store: Store, run: str) -> None:
     StoreError
         If there is no such run.
     """
-    if run not in run_ids(store):
+    paths = [path for path in entry_paths(store) if run_of(path) == run]
+    if not paths and run not in run_ids(store):
         raise StoreError(f"{store.path}: no run {run}; see zsmoseg runs")
-    files.remove(run_path(store, run))
+    for path in [*paths, run_path(store, run)]:
+        files.remove(path)
+
+
+# ---------------------------------------------------------------------- videos of runs
+def _entry_path(store: Store, entry: Entry) -> PurePath:
+    return files.below(store.video(entry.video).path, f"{RUNS}/{entry.run}-{_digest(entry.name)}.json")
+
+
+def _digest(name: str) -> str:
+    return f"{zlib.crc32(name.encode(errors='surrogateescape')):08x}"
+
+
+def entry_paths(store: Store, name: str | None = None) -> Iterator[PurePath]:
+    """Where the records of videos, or of those of one name, are: video by video, the latest last."""
+    end = "*" if name is None else f"*-{_digest(name)}"
+    for video in store.videos():
+        yield from files.matching(files.below(store.video(video).path, RUNS), f"{end}.json")
+
+
+def run_of(path: PurePath) -> str:
+    """The run whose record of a video this is."""
+    return path.stem.rpartition("-")[0]
+
+
+def read_entry(path: PurePath) -> Entry | None:
+    """The record of a video in a run; None where it is damaged, another's, or names what does not lie in the store.
+
+    The folder counts for the id of the video: people may call it otherwise.
+    """
+    record, folder = read_record(path) or {}, path.parent.parent.name
+    keys = record.get("keys")
+    if not isinstance(keys, dict):
+        return None
+    entry = Entry(
+        **{name: record.get(name, "") for name in Entry.__dataclass_fields__ if name != "keys"}, keys=keys
+    )
+    told = [value for name, value in asdict(entry).items() if name != "keys"]
+    if not all(isinstance(text, str) for text in [*told, *keys.values()]):
+        return None
+    ours = (
+        path.stem == f"{entry.run}-{_digest(entry.name)}"
+        and entry.video[-FINGERPRINT:] == folder[-FINGERPRINT:]
+    )
+    plain = all(stays(part) and "/" not in part for part in [entry.name, *keys, *keys.values()])
+    return Entry(**{**asdict(entry), "video": folder}) if ours and plain else None
+
+
+def entries(store: Store, name: str | None = None) -> list[Entry]:
+    """What runs did with all videos, or with those of one name, the latest last; damaged records are left out."""
+    found = (entry for path in entry_paths(store, name) if (entry := read_entry(path)))
+    return sorted((entry for entry in found if name in (None, entry.name)), key=lambda entry: entry.run)
+
+
+def latest(store: Store) -> dict[str, Entry]:
+    """What the latest run that meant a video did with it, by name.
+
+    A video that failed before it had a folder, or that an interrupted run did not come to, has no ``video`` and no keys.
+    """
+    found: dict[str, Entry] = {}
+    for run in list_runs(store):
+        begun = run["outcome"] if run["outcome"] in (RUNNING, INTERRUPTED) else INTERRUPTED
+        for name in [*run["names"], *run["failures"]]:
+            failure = run["failures"].get(name, "")
+            found[name] = Entry(run["id"], name, outcome=FAILED if failure else begun, failure=failure)
+    for entry in _last_entries(store):
+        if entry.name not in found or entry.run >= found[entry.name].run:
+            found[entry.name] = entry
+    return found
+
+
+def _last_entries(store: Store) -> Iterator[Entry]:
+    """The latest record of each name in each folder; of many runs only this one is read."""
+    last: dict[tuple[PurePath, str], list[PurePath]] = {}
+    for path in entry_paths(store):
+        last.setdefault((path.parent, path.stem.rpartition("-")[2]), []).append(path)
+    for paths in last.values():
+        entry = next((entry for path in reversed(paths) if (entry := read_entry(path))), None)
+        if entry is not None:
+            yield entry
+
+
+def outputs(store: Store) -> dict[str, str]:
+    """The output folders that runs remember, and the id of the video that each was written for last."""
+    return {entry.out: entry.video for entry in entries(store) if entry.out}

@@ -12,7 +12,7 @@ from zsmoseg.stores.checks import Damage, check
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.output import known_outputs
 from zsmoseg.stores.records import read_json, read_record
-from zsmoseg.stores.runs import forget_run, read_run, run_ids, run_path
+from zsmoseg.stores.runs import entry_paths, forget_run, read_entry, read_run, run_ids, run_of, run_path
 
 
 @dataclass(frozen=True)
@@ -49,23 +49,22 @@ def garbage(store: Store, forget: Sequence[str] = ()) -> Garbage:
 
 def _reached(store: Store, forget: Sequence[str]) -> set[tuple[str, ...]]:
     """(video,) and (video, stage, key) of all that the runs which stay reach."""
-    runs = run_ids(store)
-    unknown = set(forget) - set(runs)
+    paths = list(entry_paths(store))
+    unknown = set(forget) - {*run_ids(store), *map(run_of, paths)}
     if unknown:
         raise StoreError(f"{store.path}: no run {', '.join(sorted(unknown))}; see zsmoseg runs")
     reached: set[tuple[str, ...]] = set()
-    for run in runs:
-        if run in forget:
+    for path in paths:
+        if run_of(path) in forget:
             continue
-        record = read_run(store, run)
-        if record is None:
+        entry = read_entry(path)
+        if entry is None:
             raise StoreError(
-                f"{run_path(store, run)}: is damaged; what it reaches is not known, so nothing is removed; "
-                f"drop it with zsmoseg gc --forget {run}"
+                f"{path}: is damaged; what it reaches is not known, so nothing is removed; "
+                f"drop it with zsmoseg gc --forget {run_of(path)}"
             )
-        for video in record["videos"].values():
-            reached.add((video["video"],))
-            reached |= {(video["video"], stage, key) for stage, key in video["keys"].items()}
+        reached.add((entry.video,))
+        reached |= {(entry.video, stage, key) for stage, key in entry.keys.items()}
     return reached
 
 
@@ -103,6 +102,7 @@ def _verify(store: Store, deep: bool) -> list[Damage]:
     for run in run_ids(store):
         if read_run(store, run) is None:
             found.append(Damage(run_path(store, run), None, "is damaged"))
+    found += [Damage(path, None, "is damaged") for path in entry_paths(store) if read_entry(path) is None]
     for video in map(store.video, store.videos()):
         if video.description is None:
             found.append(Damage(video.path / "video.json", None, "is missing or damaged"))

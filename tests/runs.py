@@ -21,6 +21,10 @@ class Counter(Quiet):
     def __init__(self) -> None:
         self.parts: list[tuple[str, int]] = []
         self.videos: list[str] = []
+        self.plans: list[VideoPlan] = []
+
+    def planned(self, plan: VideoPlan) -> None:
+        self.plans.append(plan)
 
     def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
         assert outcome.state == "done", outcome

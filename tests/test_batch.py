@@ -11,7 +11,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,9 @@ from zsmoseg.settings import resolve
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.output import Output
-from zsmoseg.stores.runs import RunRecord
+from zsmoseg.stores.runs import Entry, RunRecord
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.cli.run import again
-from zsmoseg.workflows.planning.estimate import Estimate
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.choosing import choose
 from zsmoseg.workflows.running.progress import Bars, Course, Lines, failure_lines
@@ -100,9 +99,14 @@ def test_every_video_is_in_exactly_one_share_whatever_the_order(n: int, store: S
 
 
 def remember(store: Store, outcome: str | None, failures: dict[str, str], *names: str) -> None:
-    record = RunRecord.begin(store, {}, {name: {"video": name, "keys": {}} for name in names})
+    record = RunRecord.begin(store, {}, [*names, *(name for name in failures if name not in names)])
+    for name in names:
+        state = "failed" if name in failures else "done" if outcome else "running"
+        record.note(
+            Entry(record.id, name, f"{name}-0123456789abcdef", outcome=state, failure=failures.get(name, ""))
+        )
     if outcome:
-        record.end(outcome, failures, {})
+        record.end(outcome, {name: why for name, why in failures.items() if name not in names}, {})
 
 
 def test_the_last_run_of_each_video_says_whether_it_failed(store: Store) -> None:
@@ -113,10 +117,12 @@ def test_the_last_run_of_each_video_says_whether_it_failed(store: Store) -> None
     assert chosen(store, retry_failed=True) == "dog"
     remember(store, None, {}, "cat")  # killed
     assert chosen(store, retry_failed=True) == "cat dog"
+    RunRecord.begin(store, {}, ["ant"])  # killed before it came to any
+    assert chosen(store, retry_failed=True) == "ant cat dog"
 
 
 def test_shares_do_not_move_while_others_mend_what_failed(store: Store) -> None:
-    remember(store, "failed", dict.fromkeys(NAMES, "torn"))
+    remember(store, "failed", dict.fromkeys(NAMES, "torn"), *NAMES)
     before = [chosen(store, share=(i, 2), retry_failed=True) for i in (1, 2)]
     remember(store, "done", {}, *before[0].split())
     assert chosen(store, share=(2, 2), retry_failed=True) == before[1] != ""
@@ -198,7 +204,8 @@ def test_the_course_of_a_batch_is_told_with_what_is_left(monkeypatch: pytest.Mon
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     course = Course()
-    course.videos, course.parts, course.failed = 90, 3600, 1
+    course.videos = course.planned = 90
+    course.parts, course.failed = 3600, 1
     assert course.words() == "0 of 90 videos, 1 failed, 0 of 3600 parts"
     course.finished, course.done, now[0] = 12, 480, 1200.0
     assert course.words() == "12 of 90 videos, 1 failed, 480 of 3600 parts, about 2.2 h left"
@@ -206,6 +213,8 @@ def test_the_course_of_a_batch_is_told_with_what_is_left(monkeypatch: pytest.Mon
     assert course.words().endswith("about 0 s left")
     course.finished, course.done = 89, 3600
     assert course.words() == "89 of 90 videos, 1 failed, 3600 of 3600 parts"
+    course.finished, course.done, course.videos = 12, 480, 900
+    assert course.words() == "12 of 900 videos, 1 failed, 480 of about 36000 parts, about 24.7 h left"
 
 
 @pytest.mark.parametrize("terminal", [True, False])
@@ -235,11 +244,11 @@ def test_events_tell_all_that_happens_in_order(data: Path, tmp_path: Path) -> No
     main(words)
     events = read_events(path)
     kinds = [event["event"] for event in events]
-    assert kinds[0] == "planned"
+    assert kinds[:3] == ["planned", "failed", "estimated"]
     assert kinds[-1] == "ended"
     assert sorted(event["time"] for event in events) == [event["time"] for event in events]
     parts = [event for event in events if event["event"] == "part"]
-    assert len(parts) == events[0]["parts"] == events[0]["videos"]["ant"]
+    assert len(parts) == events[0]["parts"]
     assert all(part["state"] == "done" and part["seconds"] >= 0 and part["memory_mb"] > 0 for part in parts)
     assert parts[0] | {"seconds": 0, "memory_mb": 0, "time": ""} == {
         "time": "",
@@ -256,6 +265,7 @@ def test_events_tell_all_that_happens_in_order(data: Path, tmp_path: Path) -> No
     assert failed["video"] == "bee"
     (finished,) = [event for event in events if event["event"] == "finished"]
     assert finished["out"] == str(tmp_path / "out" / "ant")
+    assert (events[2]["videos"], events[2]["looked"], events[2]["seconds"] > 0) == (2, 2, True)
     assert (events[-1]["finished"], events[-1]["failed"]) == (1, 1)
     main(words)
     assert len(read_events(path)) > len(events), "a second run appends"
@@ -272,14 +282,24 @@ def test_a_disk_without_room_for_events_does_not_stop_the_run(
 
 
 # ------------------------------------------------------------------ errors that are not ours
+class Notes(Quiet):
+    """What is said of the run as a whole."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def note(self, text: str) -> None:
+        self.texts.append(text)
+
+
 class When(Quiet):
     """Does something once when a stage of a video is through."""
 
     def __init__(self, stage: str, do: Callable[[VideoPlan], Any]) -> None:
         self.stage, self.do, self.done = stage, do, False
 
-    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
-        self.happens("", plans[0])
+    def planned(self, plan: VideoPlan) -> None:
+        self.happens("", plan)
 
     def part(self, plan: VideoPlan, stage: str, part: int, outcome: Any) -> None:
         self.happens(stage, plan)
@@ -315,52 +335,76 @@ def test_what_vanishes_in_a_run_fails_its_video_and_no_other(
     assert not report.traces
 
 
-def test_a_store_that_vanishes_in_a_run_fails_every_video_with_a_line(data: Path, tmp_path: Path) -> None:
+def test_a_store_that_vanishes_in_a_run_stops_it_and_is_not_made_anew(data: Path, tmp_path: Path) -> None:
     report = batch(tmp_path, When("features", lambda _: shutil.rmtree(tmp_path / "store")))
     assert sorted(report.failures) == ["ant", "bee"]
+    assert report.started
     for message in report.failures.values():
-        one_line(message)
+        one_line(message, "the store is gone", "run the same command again")
+    assert not (tmp_path / "store").exists()
+
+
+class Refusing:
+    """A disk that refuses a file of one video."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, name: str, code: int) -> None:
+        self.name, self.code, self.victim, self.whole = name, code, "ant", files.write_whole
+        monkeypatch.setattr(files, "write_whole", self.write)
+
+    def write(self, path: Path, content: bytes, sync: bool = False) -> None:
+        if path.name == self.name and any(part.split("-")[0] == self.victim for part in path.parts):
+            with files.errors_in_words(path):
+                raise OSError(self.code, os.strerror(self.code), str(path))
+        self.whole(path, content, sync)
 
 
 @pytest.mark.parametrize(
     ("name", "code"),
     [
-        ("summary.json", errno.ENOSPC),
         ("summary.json", errno.EACCES),
-        (".zsmoseg.json", errno.ENOSPC),
-        (".zsmoseg.json", errno.EROFS),
-        ("00004.png", errno.ENOSPC),
+        (".zsmoseg.json", errno.EPERM),
         ("00004.png", errno.EIO),
-        ("done.json", errno.ENOSPC),
-        ("done.json", errno.EROFS),
+        ("done.json", errno.EIO),
     ],
 )
 def test_a_disk_that_refuses_a_file_of_one_video_fails_that_video_only(
     name: str, code: int, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """OUT full in the last file among them."""
-    whole, victim = files.write_whole, {"video": "ant"}
-
-    def refusing(path: Path, content: bytes, sync: bool = False) -> None:
-        if path.name == name and any(part.split("-")[0] == victim["video"] for part in path.parts):
-            with files.errors_in_words(path):
-                raise OSError(code, os.strerror(code), str(path))
-        whole(path, content, sync)
-
-    monkeypatch.setattr(files, "write_whole", refusing)
-    if (name, code) == (
-        ".zsmoseg.json",
-        errno.ENOSPC,
-    ):  # a full disk before anything is started is everybody's
-        with pytest.raises(SpaceError, match="no space left"):
-            batch(tmp_path)
-        return
+    disk = Refusing(monkeypatch, name, code)
     report = batch(tmp_path)
     assert report.finished == ["bee"]
     one_line(report.failures["ant"], name)
-    victim["video"] = "nobody"
-    second = batch(tmp_path, choice=Choice(retry_failed=True))
-    assert second.finished == ["ant"]
+    disk.victim = "nobody"
+    assert batch(tmp_path, choice=Choice(retry_failed=True)).finished == ["ant"]
+
+
+@pytest.mark.parametrize(
+    "code", [errno.ENOSPC, errno.EDQUOT, errno.EROFS], ids=["full", "quota", "read-only"]
+)
+@pytest.mark.parametrize("name", ["summary.json", "00004.png", "done.json"])
+def test_a_disk_that_is_full_or_read_only_stops_the_run_and_what_was_finished_is_kept(
+    name: str, code: int, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for seed, more in enumerate(NAMES[2:]):
+        write_folder(data / more, draw_clip(seed + 2, 5, 96, 128)[0])
+    disk, counter = Refusing(monkeypatch, name, code), Notes()
+    disk.victim = "bee"
+    report = batch(tmp_path, counter)
+    assert report.finished == ["ant"]
+    assert report.started
+    assert sorted(report.failures) == ["bee", "cat", "dog"]
+    (message,) = set(report.failures.values())
+    one_line(message, name, "not finished")
+    disk.victim = "nobody"
+    assert batch(tmp_path, choice=Choice(retry_failed=True)).finished == ["bee", "cat", "dog"]
+
+
+def test_a_disk_that_is_full_before_anything_is_started_is_an_error_of_the_run(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Refusing(monkeypatch, ".zsmoseg.json", errno.ENOSPC)
+    with pytest.raises(SpaceError, match="no space left"):
+        batch(tmp_path)
 
 
 def test_a_list_of_files_that_cannot_be_written_fails_its_video(
@@ -391,7 +435,7 @@ def test_a_video_whose_name_is_no_text_fails_or_runs_and_the_others_go_on(data: 
 def test_what_nobody_expected_keeps_its_trace_in_the_record_and_stays_with_its_video(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from zsmoseg.workflows.running import run as module
+    from zsmoseg.workflows.running import batch as module
 
     probe = module.probe
 

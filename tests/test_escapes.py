@@ -64,8 +64,9 @@ def area(finished: Path, tmp_path: Path) -> Path:
     copy = tmp_path / "area"
     shutil.copytree(finished, copy)
     segment(copy / "disc", copy, SMALL)
-    for old in sorted((copy / "store" / "runs").iterdir())[:-1]:
-        old.unlink()
+    for runs in [copy / "store" / "runs", *(copy / "store").glob("*/runs")]:
+        for old in sorted(runs.iterdir())[:-1]:
+            old.unlink()
     return copy
 
 
@@ -89,7 +90,7 @@ def frames_record(area: Path) -> Path:
 
 
 def run_record(area: Path) -> Path:
-    return next((area / "store" / "runs").iterdir())
+    return next((area / "store").glob("disc-*/runs/*.json"))
 
 
 def commands(area: Path) -> None:
@@ -130,8 +131,8 @@ def test_a_video_with_a_name_that_leads_elsewhere_is_segmented_in_its_folder(
     source.parent.mkdir()
     write_mp4(source, draw_clip(0, 3, 96, 128)[0])
     with sandbox.untouched():
-        report, _ = segment(source, area, SMALL)
-    (plan,) = report.plans
+        _, counter = segment(source, area, SMALL)
+    (plan,) = counter.plans
     assert plan.output.path.parent == area / "out"
     assert (plan.output.path / "masks" / "00000.png").is_file()
 
@@ -212,16 +213,15 @@ def test_what_runs_remember_does_not_lead_out_of_the_store(field: str, sandbox: 
     path = run_record(area)
     sound = read_record(path)
     assert sound is not None
-    video = sound["videos"]["disc"]
     for name in [*hostile(8, 3, sandbox.root), "../../outside", f"{sandbox.root}/outside"]:
         changed = {
-            "name": {name: video},
-            "video": {"disc": {**video, "video": name}},
-            "stage": {"disc": {**video, "keys": {**video["keys"], name: "k"}}},
-            "key": {"disc": {**video, "keys": {**video["keys"], "flow": name}}},
-            "out": {"disc": {**video, "out": f"{area}/out/disc/{name}" if "\0" not in name else name}},
+            "name": {"name": name},
+            "video": {"video": name},
+            "stage": {"keys": {**sound["keys"], name: "k"}},
+            "key": {"keys": {**sound["keys"], "flow": name}},
+            "out": {"out": f"{area}/out/disc/{name}" if "\0" not in name else name},
         }[field]
-        write_record(path, {**sound, "videos": changed})
+        write_record(path, {**sound, **changed})
         store = Store.open(area / "store", create=False)
         with sandbox.untouched(reads=field != "out"):  # whether a list lies there has to be looked at
             with suppress(ZsmosegError):
@@ -311,7 +311,7 @@ def test_gc_goes_round_a_link_and_removes_what_is_garbage(place: str, sandbox: S
     else:
         shutil.copytree(next(folder.glob("flow/*")), target)
     link.symlink_to(target)
-    run = run_record(area).stem
+    run = run_record(area).stem.rpartition("-")[0]
     with sandbox.untouched():
         assert main(["gc", "--yes", "--store", str(area / "store"), "--forget", run]) == 0
     assert not folder.exists()

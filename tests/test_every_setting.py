@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 from conftest import textured, write_folder
-from runs import Report, segment
+from runs import segment
 
 from zsmoseg.settings import Settings, defaults, resolve
-from zsmoseg.workflows.planning.plan import following
+from zsmoseg.workflows.planning.plan import VideoPlan, following
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import dry_run
 from zsmoseg.workflows.stages.graph import GRAPHS
@@ -155,11 +155,9 @@ def leaves(root: Path, keys: dict[str, str]) -> dict[str, dict[str, bytes]]:
     }
 
 
-def outputs(report: Report) -> dict[str, int]:
+def outputs(plan: VideoPlan) -> dict[str, int]:
     """Files and sizes in the output folder, as its list has them, without what only says what was asked for."""
-    return {
-        name: entry["size"] for name, entry in report.plans[0].output.files.items() if name != "summary.json"
-    }
+    return {name: entry["size"] for name, entry in plan.output.files.items() if name != "summary.json"}
 
 
 @pytest.mark.parametrize("name", sorted(set(defaults()) - set(NO_BYTES)))
@@ -169,7 +167,7 @@ def test_a_setting_recomputes_its_stages_and_changes_something(
     root = tmp_path / "copy"
     shutil.copytree(base[1], root)
     clip, start = base[0], activation(name)
-    before, _ = segment(clip, root, start)
+    before = segment(clip, root, start)[1].plans[0]
     values = other_values(name, tmp_path)
     changed = {**start, name: values[0]}
     lines = "\n".join(
@@ -185,18 +183,18 @@ def test_a_setting_recomputes_its_stages_and_changes_something(
     expected = set().union(*(following(stages, reader) for reader in readers))
     _, counter = segment(clip, root, changed)
     assert counter.stages == expected, "other stages were computed than those that read the setting"
-    assert any(changes(before, segment(clip, root, {**start, name: value})[0], root) for value in values), (
-        f"{name} = {values} changed no byte"
-    )
+    assert any(
+        changes(before, segment(clip, root, {**start, name: value})[1].plans[0], root) for value in values
+    ), f"{name} = {values} changed no byte"
 
 
-def changes(before: Report, after: Report, root: Path) -> bool:
+def changes(before: VideoPlan, after: VideoPlan, root: Path) -> bool:
     """Whether any byte differs of what two runs left."""
-    old, new = ({n: s.key for n, s in r.plans[0].stages.items()} for r in (before, after))
+    old, new = ({n: s.key for n, s in plan.stages.items()} for plan in (before, after))
     return leaves(root, old) != leaves(root, new) or outputs(before) != outputs(after)
 
 
 def test_frame_rate_of_folders_sets_their_times(base: tuple[Path, Path]) -> None:
     clip, root = base
-    report, _ = segment(clip, root, {"video.fps": 10.0})
-    np.testing.assert_allclose(np.diff(report.plans[0].probe.times), 0.1)
+    _, counter = segment(clip, root, {"video.fps": 10.0})
+    np.testing.assert_allclose(np.diff(counter.plans[0].probe.times), 0.1)

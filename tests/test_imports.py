@@ -27,11 +27,7 @@ FRAMES = 8
 
 
 def result_of(report: Any, root: Path) -> Result:
-    (plan,) = report.plans
-    from zsmoseg.stores.location import Store
-
-    keys = {name: stage.key for name, stage in plan.stages.items()}
-    return Result(Store.open(root / "store", create=False), plan.name, plan.video, keys)
+    return open_store(root / "store").get(report.names[0], report.run)
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +103,9 @@ def test_depth_that_is_larger_farther_is_the_inverse_of_depth_that_is_larger_nea
         settings = {"depth.path": str(path), "depth.kind": kind, "proposals.path": str(brought / "masks")}
         report, _ = segment(brought / "disc", tmp_path / kind, settings)
         read.append(Depth.read(result_of(report, tmp_path / kind).artifact("depth")).inverse_depth)
-        assert report.plans[0].stages["affinity"].settings["motion"]["model"] == "screw-shift"
+        assert (result_of(report, tmp_path / kind).artifact("affinity").description or {})["settings"][
+            "motion"
+        ]["model"] == "screw-shift"
     np.testing.assert_allclose(read[0].astype(float), read[1].astype(float), rtol=2e-3)
     assert read[0][0, -1, 0] > 3 * read[0][0, 0, 0], "near is large"
 
@@ -194,7 +192,7 @@ def test_overlapping_detections_count_their_hidden_pixels(brought: Path, tmp_pat
     report, _ = segment(
         brought / "disc", tmp_path, {"proposals.path": str(tmp_path / "disc.npz")}, until=["proposals"]
     )
-    artifact = report.plans[0].stages["proposals"].artifact
+    artifact = result_of(report, tmp_path).artifact("proposals")
     assert artifact is not None
     assert [artifact.part(i).facts["hidden"] for i in range(2)] == [1600, 1600]  # type: ignore[union-attr]
     assert (Proposals.read(artifact).mask[0][45:55, 45:55] == 2).all(), "the higher score is on top"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -151,7 +152,7 @@ def test_a_flipped_bit_is_found_before_a_graph_is_used(
         graph.write_bytes(content)
 
     class Meddler(Quiet):
-        def planned(self, plans: Any, guess: Any) -> None:
+        def planned(self, plan: Any) -> None:
             flip()
 
     settings = resolve(overrides={"depth.model": str(depth)})
@@ -177,7 +178,7 @@ def test_a_contract_that_changes_after_the_plan_is_not_used_under_the_old_key(
     thresholds = tmp_path / "models/tagger/thresholds.txt"
 
     class Meddler(Quiet):
-        def planned(self, plans: Any, guess: Any) -> None:
+        def planned(self, plan: Any) -> None:
             thresholds.write_text("\n".join(["1"] * 6))
             edit(tmp_path / "models/tagger", *digests(thresholds))
 
@@ -423,5 +424,6 @@ def test_denied_categories_are_known_ones_and_their_case_does_not_matter(clip: P
     model = {"proposals.model": str(write_instances(tmp_path / "instances"))}
     with pytest.raises(SettingsError, match=r"no network of this run names 'rad'; did you mean red"):
         segment(clip, tmp_path, {**model, "selection.deny": ["rad"]})
-    report, _ = segment(clip, tmp_path, {**model, "selection.deny": ["RED", "Green"]})
-    assert {e["category"] for e in report.summaries["clip"]["evidence"]} <= {"blue", "yellow"}
+    segment(clip, tmp_path, {**model, "selection.deny": ["RED", "Green"]})
+    summary = json.loads((tmp_path / "out/clip/summary.json").read_text())
+    assert {e["category"] for e in summary["evidence"]} <= {"blue", "yellow"}

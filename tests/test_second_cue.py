@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import draw_clip, write_folder
-from runs import segment
+from runs import Counter, segment
 
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
@@ -37,18 +37,18 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]
     return root, settings
 
 
-def affinity_of(report: Any) -> Affinity:
-    return Affinity.read(report.plans[0].stages["affinity"].artifact)
+def affinity_of(counter: Counter) -> Affinity:
+    return Affinity.read(counter.plans[0].stages["affinity"].artifact)
 
 
 def test_both_cues_find_the_disc_and_leave_an_affinity_each(base: tuple[Path, dict[str, Any]]) -> None:
     root, settings = base
-    report, counter = segment(root / "disc", root / "run", settings)
+    _, counter = segment(root / "disc", root / "run", settings)
     assert not counter.stages, "nothing to do a second time"
-    table = affinity_of(report)
+    table = affinity_of(counter)
     assert table.agreement.shape == (2, 4, 4)
     assert table.affinity[2, 3] > table.affinity[1, 2]
-    groups = Groups.read(report.plans[0].stages["groups"].artifact).group
+    groups = Groups.read(counter.plans[0].stages["groups"].artifact).group
     assert groups.tolist() == [0, 1, 0, 0]
 
 
@@ -74,15 +74,15 @@ def test_its_settings_recompute_what_reads_them_and_change_the_affinity(
     root, settings = base
     start = {**settings, **({"affinity.fusion": "coregularised"} if name == "affinity.columns" else {})}
     shutil.copytree(root / "run", tmp_path / "run")
-    before, _ = segment(root / "disc", tmp_path / "run", start)
+    _, before = segment(root / "disc", tmp_path / "run", start)
     changed = {**start, name: value}
     chosen = resolve(overrides={"chunk.length": 4, **changed})
     request = Request([str(root / "disc")], tmp_path / "run" / "out", tmp_path / "run" / "store", chosen)
     assert name in "\n".join(dry_run(request))
-    after, counter = segment(root / "disc", tmp_path / "run", changed)
+    _, after = segment(root / "disc", tmp_path / "run", changed)
     order = ["trajectories", "epipolar", "affinity", "groups", "masks", "overlay"]
     expected = set(order[order.index(first) :])
-    assert counter.stages == expected
+    assert after.stages == expected
     old, new = affinity_of(before), affinity_of(after)
     names = ("agreement", "together", "affinity")
     pairs = [(getattr(old, name), getattr(new, name)) for name in names]

@@ -25,7 +25,7 @@ from zsmoseg.stores.keys import FORMAT, key
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.reader import read_video
 from zsmoseg.stores.records import read_record, write_record
-from zsmoseg.stores.runs import RunRecord, forget_run, list_runs, read_run
+from zsmoseg.stores.runs import Entry, RunRecord, entry_paths, forget_run, list_runs, read_run
 from zsmoseg.stores.upkeep import garbage, remove_garbage, verify
 
 Harm = Callable[[Path], None]
@@ -206,10 +206,11 @@ def test_a_fingerprint_is_computed_once_unless_the_note_is_damaged(harm: Harm | 
 
 # ---------------------------------------------------------------------- runs and garbage
 def remember(store: Store, *keys: str) -> str:
-    videos = {f"goat{i}": {"video": "goat-0123456789abcdef", "keys": {"flow": k}} for i, k in enumerate(keys)}
-    record = RunRecord.begin(store, {"flow.stride": 4}, videos)
+    record = RunRecord.begin(store, {"flow.stride": 4}, [f"goat{i}" for i in range(len(keys))])
+    for i, k in enumerate(keys):
+        record.note(Entry(record.id, f"goat{i}", "goat-0123456789abcdef", keys={"flow": k}, outcome="done"))
     record.end("done", {}, {})
-    return str(record.content["id"])
+    return record.id
 
 
 def test_runs_are_listed_in_order_with_their_outcome(store: Store) -> None:
@@ -256,10 +257,12 @@ def test_gc_takes_a_video_that_no_run_names_and_its_fingerprint(store: Store) ->
 def test_gc_removes_nothing_while_it_does_not_know_what_a_run_reaches(harm: Harm, store: Store) -> None:
     make_artifact(store, "k1")
     run = remember(store, "k1")
-    harm(store.runs / f"{run}.json")
-    with pytest.raises(StoreError, match=f"{run}.json: is damaged.*--forget {run}"):
+    (path,) = entry_paths(store)
+    for record in (path, store.runs / f"{run}.json"):
+        harm(record)
+    with pytest.raises(StoreError, match=f"{path}: is damaged.*--forget {run}"):
         garbage(store)
-    assert [damage.path.name for damage in verify(store)] == [f"{run}.json"]
+    assert {damage.path.name for damage in verify(store)} == {f"{run}.json", path.name}
     assert len(garbage(store, [run]).paths) == 1
 
 

@@ -68,8 +68,8 @@ def finished(
             put(writer, block)
 
         patch.setattr(PartWriter, "put", noted)
-        report, _ = segment(root / "disc", root, settings)
-    (plan,) = report.plans
+        _, counter = segment(root / "disc", root, settings)
+    (plan,) = counter.plans
     assert plan.graph == request.param
     return request.param, zsmoseg.open_store(root / "store")["disc"], left
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ from runs import data_bytes, masks, segment
 
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
-from zsmoseg.workflows.planning.estimate import Estimate
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.request import Quiet, Report, Request
 from zsmoseg.workflows.running.run import run
@@ -30,7 +29,7 @@ class Meddler(Quiet):
     def __init__(self, change: Callable[[], None]) -> None:
         self.change = change
 
-    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
+    def planned(self, plan: VideoPlan) -> None:
         self.change()
 
 

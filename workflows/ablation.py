@@ -16,8 +16,8 @@ from zsmoseg.stores.location import Store
 from zsmoseg.workflows.evaluate.evaluation import evaluate
 from zsmoseg.workflows.evaluate.predictions import Prediction
 from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
-from zsmoseg.workflows.running.request import Request, Watcher
-from zsmoseg.workflows.running.run import make_plans, run
+from zsmoseg.workflows.running.request import Failure, Request, Watcher
+from zsmoseg.workflows.running.run import each_plan, run
 
 PROTOCOL = "moving"
 LAST = ("groups",)
@@ -58,8 +58,10 @@ def cues(request: Request) -> dict[str, str]:
     ZsmosegError
         It cannot be planned.
     """
-    plans, _ = make_plans(request, Store.open(request.store, create=True))
-    stages = plans[0].stages
+    _, plan = next(each_plan(request, Store.open(request.store, create=True)))
+    if isinstance(plan, Failure):
+        raise StageError(plan.message)
+    stages = plan.stages
     depth = stages["depth"].settings["depth"]["source"]
     proposals = "imported" if "proposals" in stages else "embedded"
     return {"proposals": proposals, "flow": stages["flow"].settings["flow"]["source"], "depth": depth}
@@ -115,7 +117,7 @@ def ablate(
         report = run(replace(request, settings=settings, until=LAST), watcher)
         if report.failures:
             raise StageError(next(iter(report.failures.values())))
-        chosen = select(dataset, [plan.name for plan in report.plans], PROTOCOL)
+        chosen = select(dataset, list(report.names), PROTOCOL)
         prediction = Prediction(variant.name, place(request.store), run=report.run)
         board = evaluate([prediction], dataset, chosen, rules, workers=request.workers)
         methods |= board.methods

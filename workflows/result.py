@@ -15,7 +15,7 @@ from zsmoseg.settings import resolve
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.dataset import open_dataset
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.runs import list_runs
+from zsmoseg.stores.runs import DONE, entries, latest
 from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import run
@@ -67,10 +67,7 @@ def segment(
     report = run(Request([str(source)], folder(out), folder(store), chosen, scheduler))
     if report.failures:
         raise StageError(next(iter(report.failures.values())))
-    (plan,) = report.plans
-    return Result(
-        Store.open(store, create=False), plan.name, plan.video, {n: s.key for n, s in plan.stages.items()}
-    )
+    return open_store(store).get(report.names[0], report.run)
 
 
 @dataclass(frozen=True)
@@ -176,7 +173,7 @@ class OpenStore:
         return self.get(name)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys(name for run in list_runs(self.store) for name in run["videos"]))
+        return iter(latest(self.store))
 
     def get(self, name: str, run: str | None = None) -> Result:
         """One video: of the run ``run``, else of the latest finished one, to the end if there is one.
@@ -186,18 +183,11 @@ class OpenStore:
         StoreError
             There is no such run.
         """
-        found = [
-            record
-            for record in reversed(list_runs(self.store))
-            if name in record["videos"]
-            and name not in record.get("failures", {})
-            and record["outcome"] in ("done", "failed")
-            and run in (None, record["id"])
-        ]
-        whole = [record for record in found if LAST in record["videos"][name]["keys"]]
-        for record in [*whole, *found]:
-            entry = record["videos"][name]
-            return Result(self.store, name, entry["video"], entry["keys"])
+        found = [entry for entry in reversed(entries(self.store, name)) if entry.outcome == DONE]
+        found = [entry for entry in found if run in (None, entry.run)]
+        found.sort(key=lambda entry: LAST not in entry.keys)
+        for entry in found:
+            return Result(self.store, name, entry.video, dict(entry.keys))
         raise StoreError(
             f"{self.store.path}: no finished run {run + ' ' if run else ''}of {name!r}; "
             "zsmoseg status and zsmoseg runs list what is there"

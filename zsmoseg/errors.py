@@ -17,6 +17,7 @@ ZsmosegError
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -103,3 +104,12 @@ def system_errors_in_words() -> Iterator[None]:
         if words is None or isinstance(error, BrokenPipeError):
             raise
         raise AccessError(f"{words}; mend that and run the same command again") from error
+
+
+def stops_all(error: BaseException | None) -> bool:
+    """Whether no other video would fare better: the disk is full or read-only."""
+    if isinstance(error, SpaceError):
+        return True
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
+        return True
+    return error is not None and error.__cause__ is not None and stops_all(error.__cause__)

@@ -23,9 +23,8 @@ def main(options: argparse.Namespace) -> int:
     """Render, segment, score; the clip stays beside the masks."""
     from zsmoseg.metrics.tracks import track_scores
     from zsmoseg.settings import resolve
-    from zsmoseg.stores.location import Store
     from zsmoseg.synthetic import demo_scene
-    from zsmoseg.workflows.result import Result
+    from zsmoseg.workflows.result import open_store
     from zsmoseg.workflows.running.progress import make_watcher
     from zsmoseg.workflows.running.request import Request
     from zsmoseg.workflows.running.run import run
@@ -40,14 +39,11 @@ def main(options: argparse.Namespace) -> int:
         report = run(request, watcher)
     if report.failures:
         return 1
-    (plan,) = report.plans
-    result = Result(
-        Store.open(store, create=False), plan.name, plan.video, {n: s.key for n, s in plan.stages.items()}
-    )
+    result = open_store(store).get(clip.stem, report.run)
     found = result.masks("moving")
     scores = track_scores((truth > 0, mask.values) for truth, mask in zip(scene.truth, found, strict=True))
     print(f"against the truth of the scene: Pu {scores.pu:.1f}  Ru {scores.ru:.1f}  Fu {scores.fu:.1f}")
-    print(f"look at {plan.output.path / 'overlay.mp4'}")
+    print(f"look at {request.out / result.name / 'overlay.mp4'}")
     return 0
 
 

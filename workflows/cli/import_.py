@@ -43,9 +43,10 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.stores.location import Store
     from zsmoseg.workflows.imports.record import remember
     from zsmoseg.workflows.imports.settling import KINDS
+    from zsmoseg.workflows.planning.plan import VideoPlan
     from zsmoseg.workflows.running.progress import make_watcher
     from zsmoseg.workflows.running.request import Request
-    from zsmoseg.workflows.running.run import run
+    from zsmoseg.workflows.running.run import each_plan, run
 
     settings = resolve(options.preset, options.config, overrides(options))
     kinds = [kind for kind in KINDS if getattr(settings, kind).path]
@@ -57,9 +58,10 @@ def main(options: argparse.Namespace) -> int:
     )
     with make_watcher() as watcher:
         report = run(request, watcher)
-    for plan in report.plans:
-        if plan.name not in report.failures:
-            remember(Store.open(store, create=True), plan.video, plan.brought)
+    opened = Store.open(store, create=True)
+    for name, plan in each_plan(request, opened):
+        if name in report.finished and isinstance(plan, VideoPlan):
+            remember(opened, plan.video, plan.brought)
             for kind, brought in plan.brought.items():
                 print(f"{plan.name}: {kind} from {brought.path} ({brought.fingerprint}){_found(plan, kind)}")
     if report.failures:

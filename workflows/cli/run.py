@@ -218,7 +218,7 @@ def _run(request: Request, options: argparse.Namespace) -> int:
         else:
             report = run(request, watcher)
     videos = len(report.failures) + len(report.finished)
-    planned = report.failures.keys() <= {plan.name for plan in report.plans}
+    planned = report.failures.keys() <= report.planned
     for line in failure_lines(report.failures, videos, again(options.words, planned)):
         print(line, file=sys.stderr)
     if not report.failures:

@@ -6,6 +6,9 @@ import argparse
 
 from zsmoseg.workflows.cli.common import store_option, store_path
 
+SHOWN = 12
+"""Names of a run that are looked at for its line."""
+
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``runs``."""
@@ -18,6 +21,7 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.stores.runs import list_runs
 
     for record in list_runs(Store.open(store_path(options.store), create=False)):
-        videos = ", ".join(record["videos"])
-        print(f"{record['id']}  {record['outcome']:<11}  {len(record['videos'])} videos: {videos[:60]}")
+        names = record["names"]
+        shown = ", ".join(names[:SHOWN])
+        print(f"{record['id']}  {record['outcome']:<11}  {len(names)} videos: {shown[:60]}")
     return 0

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from zsmoseg.workflows.cli.common import store_option, store_path
+
+if TYPE_CHECKING:
+    from zsmoseg.stores.location import Store
+    from zsmoseg.stores.runs import Entry
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -13,24 +19,33 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """A line a video of the latest runs, and what is not finished."""
+    """A line a video as its latest run left it, and what is not finished."""
     from zsmoseg.stores.location import Store
-    from zsmoseg.stores.runs import list_runs
+    from zsmoseg.stores.runs import latest
 
     store = Store.open(store_path(options.store), create=False)
-    latest = {name: run for run in list_runs(store) for name in run["videos"]}
-    if not latest:
+    found = latest(store)
+    if not found:
         print(f"{store.path}: no runs yet")
-    for name, run in latest.items():
-        entry = run["videos"][name]
-        states = []
-        for stage, key in entry["keys"].items():
-            artifact = store.artifact(entry["video"], stage, key)
-            if artifact.description is None or artifact.done is not None:
-                continue
-            done = sum(artifact.part(i) is not None for i in range(len(artifact.parts)))
-            states.append(f"{stage} {done} of {len(artifact.parts)}")
-        failure = run.get("failures", {}).get(name)
-        state = f"failed: {failure}" if failure else "unfinished: " + ", ".join(states) if states else "done"
-        print(f"{name:<24} {run['outcome']:<11} {state}  -> {entry['out']}")
+    for name, entry in found.items():
+        unfinished = ", ".join(_unfinished(store, entry))
+        state = (
+            f"failed: {entry.failure}"
+            if entry.failure
+            else f"unfinished: {unfinished}"
+            if unfinished
+            else "done"
+            if entry.video
+            else "not begun"
+        )
+        print(f"{name:<24} {entry.outcome:<11} {state}  -> {entry.out}")
     return 0
+
+
+def _unfinished(store: Store, entry: Entry) -> Iterator[str]:
+    """Stages that are begun and not finished, with their parts."""
+    for stage, key in entry.keys.items():
+        artifact = store.artifact(entry.video, stage, key)
+        if artifact.description is not None and artifact.done is None:
+            done = sum(artifact.part(i) is not None for i in range(len(artifact.parts)))
+            yield f"{stage} {done} of {len(artifact.parts)}"

@@ -11,7 +11,6 @@ from zsmoseg.errors import SpaceError
 from zsmoseg.networks.contract import Contract
 from zsmoseg.networks.references import contract_at
 from zsmoseg.stores import files
-from zsmoseg.stores.location import Store
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
 
 REFERENCE = 480 * 854
@@ -23,17 +22,41 @@ RESERVE = 64 * 2**20
 
 @dataclass(frozen=True)
 class Estimate:
-    """One core's seconds, bytes on disk, and whether they were measured here (else: typical figures)."""
+    """One core's seconds, bytes on disk, and whether they were measured here (else: typical figures).
+
+    ``videos`` of which the first ``looked`` were looked at.
+    """
 
     seconds: float
     size: int
     measured: bool
+    looked: int = 0
+    videos: int = 0
+
+    def __add__(self, other: Estimate) -> Estimate:
+        return Estimate(
+            self.seconds + other.seconds, self.size + other.size, self.measured and other.measured
+        )
+
+    @property
+    def many(self) -> str:
+        """How many videos it is of, in words; nothing where all were looked at."""
+        return f", by the first {self.looked} of {self.videos} videos" if self.looked < self.videos else ""
+
+    def of(self, looked: int, videos: int) -> Estimate:
+        """For ``videos`` videos of which the first ``looked`` take this."""
+        scale = videos / max(looked, 1)
+        return Estimate(self.seconds * scale, int(self.size * scale), self.measured, looked, videos)
 
 
-def estimate(store: Store, plans: Sequence[VideoPlan]) -> Estimate:
-    """Sum over all parts to do, by frames and pixels."""
+Rates = dict[str, tuple[float, float] | None]
+"""Seconds and bytes a frame of 480p by stage, as they were measured; None where they were not."""
+
+
+def estimate(plans: Sequence[VideoPlan], rates: Rates | None = None) -> Estimate:
+    """Sum over all parts to do, by frames and pixels; ``rates`` keeps what was measured from one call to the next."""
     seconds, size, measured = 0.0, 0, True
-    rates: dict[str, tuple[float, float] | None] = {}
+    rates = {} if rates is None else rates
     for plan in plans:
         for stage in plan.stages.values():
             if not stage.todo:
@@ -82,7 +105,9 @@ def refuse_full_disk(store: PurePath, guess: Estimate) -> None:
 def estimate_line(guess: Estimate) -> str:
     """The estimate in words."""
     kind = "measured here" if guess.measured else "typical figures"
-    return f"estimate: {guess.seconds:.0f} s on one core, {guess.size / 1e6:.0f} MB on disk ({kind})"
+    return (
+        f"estimate: {guess.seconds:.0f} s on one core, {guess.size / 1e6:.0f} MB on disk ({kind}{guess.many})"
+    )
 
 
 def models_of(plans: Sequence[VideoPlan]) -> set[str]:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 from zsmoseg.settings import Settings
-from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.beginning import begin
 from zsmoseg.stores.checks import joined_problem, part_problem
@@ -16,19 +14,6 @@ from zsmoseg.stores.sealing import seal
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
 from zsmoseg.workflows.running.summary import write_summary
 from zsmoseg.workflows.stage import first_record
-
-
-def plans_record(plans: Sequence[VideoPlan]) -> dict[str, Any]:
-    """For the run's record: which keys each video reached."""
-    return {
-        plan.name: {
-            "video": plan.video,
-            "source": plan.source,
-            "out": files.absolute(plan.output.path) if plan.files else "",
-            "keys": {name: stage.key for name, stage in plan.stages.items()},
-        }
-        for plan in plans
-    }
 
 
 def prepare(store: Store, plan: VideoPlan) -> None:

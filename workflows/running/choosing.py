@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 
 from zsmoseg.errors import SettingsError
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.runs import list_runs
+from zsmoseg.stores.runs import DONE, latest
 from zsmoseg.workflows.running.request import Choice
 
 Named = tuple[str, str]
@@ -53,13 +53,8 @@ def share(names: Sequence[str], i: int, n: int) -> set[str]:
 
 
 def unfinished(store: Store) -> set[str]:
-    """Videos that failed when they ran last, or whose last run was interrupted or killed."""
-    last: dict[str, bool] = {}
-    for run in list_runs(store):
-        ended = run["outcome"] in ("done", "failed")
-        failures = run.get("failures", {})
-        last |= {name: name in failures or not ended for name in {**run["videos"], **failures}}
-    return {name for name, failed in last.items() if failed}
+    """Videos that failed when they ran last, or that their last run did not finish."""
+    return {name for name, entry in latest(store).items() if entry.outcome != DONE}
 
 
 def nothing_left(found: int, choice: Choice) -> str:

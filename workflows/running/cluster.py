@@ -64,7 +64,7 @@ class Dask:
         self._client: Any = None
         self._stack = ExitStack()
         self._run = os.urandom(4).hex()
-        self._gpu = False
+        self._gpu, self.slots = False, 1
         self._lost: list[str] = []
         self._known: set[str] = set()
         self._empty_since: float | None = None
@@ -176,6 +176,7 @@ class Dask:
             self._lacks(f"answer of the scheduler of {self._name}", "look what it does")
             return
         self._look_at_new(present)
+        self.slots = max(1, sum(worker["nthreads"] for worker in present.values()))
         with_gpu = {address for address, worker in present.items() if GPU in worker["resources"]}
         self._gpu = bool(with_gpu) or self._gpu
         if self._cluster is not None and len(present) < cores(self._workers):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -14,14 +13,14 @@ from zsmoseg.stores import files
 from zsmoseg.workflows.planning.estimate import Estimate
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.jobs import Outcome
-from zsmoseg.workflows.running.request import Report, Watcher
+from zsmoseg.workflows.running.request import SUMMARY, Report, Watcher
 
 
 class Events:
     """Writes the events, and tells another watcher what it is told itself.
 
-    Every line has ``time`` (UTC, ISO 8601) and ``event``: ``planned``, ``part``, ``finished``, ``failed``, ``note``
-    and, last, ``ended`` or ``stopped``; docs/cluster.md has the other names.
+    Every line has ``time`` (UTC, ISO 8601) and ``event``: ``planned``, ``estimated``, ``part``, ``finished``,
+    ``failed``, ``note`` and, last, ``ended`` or ``stopped``; docs/cluster.md has the other names.
     """
 
     def __init__(self, path: Path, watcher: Watcher) -> None:
@@ -43,16 +42,21 @@ class Events:
             self._file = None
             self.watcher.note(f"--events {self.path}: no more events are written ({in_words(error)})")
 
-    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
-        """Once, before anything starts."""
+    def planned(self, plan: VideoPlan) -> None:
+        """One video is planned."""
+        self._write("planned", video=plan.name, parts=plan.todo)
+        self.watcher.planned(plan)
+
+    def estimated(self, guess: Estimate) -> None:
+        """Once, before anything is computed."""
         self._write(
-            "planned",
-            videos={plan.name: plan.todo for plan in plans},
-            parts=sum(plan.todo for plan in plans),
-            seconds=round(guess.seconds, 1),
-            megabytes=round(guess.size / 1e6, 1),
+            "estimated",
+            videos=guess.videos,
+            looked=guess.looked,
+            seconds=round(guess.seconds, 3),
+            megabytes=round(guess.size / 1e6, 3),
         )
-        self.watcher.planned(plans, guess)
+        self.watcher.estimated(guess)
 
     def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
         """One part came back."""
@@ -73,8 +77,7 @@ class Events:
 
     def finished(self, plan: VideoPlan, summary: dict[str, Any] | None) -> None:
         """One video is finished."""
-        told = ("frames", "objects", "moving_groups", "moving_pixels_percent", "warnings")
-        about = {name: summary[name] for name in told} if summary else {}
+        about = {name: summary[name] for name in SUMMARY} if summary else {}
         self._write("finished", video=plan.name, out=files.absolute(plan.output.path), **about)
         self.watcher.finished(plan, summary)
 

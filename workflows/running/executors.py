@@ -21,9 +21,12 @@ class Executor(Protocol):
     ----------
     threads
         That one task may use within a network.
+    slots
+        Tasks that run at once, as far as is known.
     """
 
     threads: int
+    slots: int
 
     def submit(self, job: Job, before: Sequence[str], priority: int) -> None:
         """Queue a job behind those named in ``before``."""
@@ -44,7 +47,7 @@ class Serial:
     """A loop in this process; Dask is not imported."""
 
     def __init__(self) -> None:
-        self.threads = cores(None)
+        self.threads, self.slots = cores(None), 1
         self._queue: deque[tuple[Job, Sequence[str]]] = deque()
         self._outcomes: dict[str, Outcome] = {}
 

@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from zsmoseg.errors import StoreError, ZsmosegError, in_words
+from zsmoseg.errors import StoreError, ZsmosegError, in_words, stops_all
 
 if TYPE_CHECKING:
     from zsmoseg.stores.arrays import Arrays
@@ -58,7 +58,10 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a job: done, failed (why) or skipped because something before it failed."""
+    """What became of a job: done, failed (why) or skipped because something before it failed.
+
+    ``stops``: no other job would fare better.
+    """
 
     state: str
     seconds: float = 0.0
@@ -66,6 +69,7 @@ class Outcome:
     facts: Mapping[str, Any] | None = None
     error: str = ""
     trace: str = ""
+    stops: bool = False
 
 
 def run_job(job: Job, *before: Outcome) -> Outcome:
@@ -76,7 +80,7 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
         with one_thread():
             return _run(job)
     except ZsmosegError as error:
-        return Outcome("failed", error=str(error))
+        return Outcome("failed", error=str(error), stops=stops_all(error))
     except MemoryError:
         return Outcome(
             "failed", error="out of memory; use fewer workers (--workers) or a smaller chunk.length"
@@ -84,7 +88,7 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
     except Exception as error:
         words = in_words(error)
         if words is not None:
-            return Outcome("failed", error=words)
+            return Outcome("failed", error=words, stops=stops_all(error))
         what = f"unexpected {type(error).__name__}: {error}"
         return Outcome("failed", error=what, trace=traceback.format_exc())
 

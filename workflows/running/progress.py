@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, Self, TextIO
 
@@ -50,20 +50,26 @@ class Course:
 
     def __init__(self) -> None:
         self.begun = time.monotonic()
-        self.videos = self.finished = self.failed = 0
-        self.names: set[str] = set()
+        self.videos = self.planned = self.finished = self.failed = self.unplanned = 0
         self.parts = self.done = 0
 
-    def planned(self, plans: Sequence[VideoPlan]) -> None:
-        """What there is to do."""
-        self.videos += len(plans)
-        self.names |= {plan.name for plan in plans}
-        self.parts = sum(plan.todo for plan in plans)
+    def plan(self, parts: int) -> None:
+        """One more video was planned."""
+        self.planned += 1
+        self.videos = max(self.videos, self.planned)
+        self.parts += parts
 
-    def fails(self, name: str) -> None:
-        """One more; those that could not be planned are no part of the plan."""
+    def fail(self, planned: bool) -> None:
+        """One more failed, before or after it was planned."""
         self.failed += 1
-        self.videos += name not in self.names
+        self.unplanned += not planned
+        self.videos = max(self.videos, self.planned + self.unplanned)
+
+    @property
+    def expected(self) -> int:
+        """Parts of all videos, going by those that are planned."""
+        coming = self.videos - self.planned - self.unplanned
+        return self.parts + round(max(coming, 0) * self.parts / max(self.planned, 1))
 
     @property
     def many(self) -> bool:
@@ -73,10 +79,12 @@ class Course:
     def words(self) -> str:
         """``12 of 90 videos, 1 failed, 480 of 3600 parts, about 2.5 h left``."""
         failed = f", {self.failed} failed" if self.failed else ""
-        text = f"{self.finished} of {self.videos} videos{failed}, {self.done} of {self.parts} parts"
-        if not 0 < self.done < self.parts or self.finished + self.failed == self.videos:
+        parts = self.expected
+        about = "about " if parts > self.parts else ""
+        text = f"{self.finished} of {self.videos} videos{failed}, {self.done} of {about}{parts} parts"
+        if not 0 < self.done < parts or self.finished + self.failed == self.videos:
             return text
-        left = (time.monotonic() - self.begun) / self.done * (self.parts - self.done)
+        left = (time.monotonic() - self.begun) / self.done * (parts - self.done)
         hours, minutes = left / 3600, left / 60
         long = f"{hours:.1f} h" if hours >= 1 else f"{minutes:.0f} min" if minutes >= 1 else f"{left:.0f} s"
         return f"{text}, about {long} left"
@@ -89,16 +97,25 @@ class Lines:
         self.stream = stream or sys.stderr
         self.tally = Tally()
         self.course = Course()
+        self.names: set[str] = set()
         self.begun = time.monotonic()
 
     def say(self, line: str = "") -> None:
         """Print one line."""
         print(line, file=self.stream, flush=True)
 
-    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
-        """The plan and what it will take."""
-        self.course.planned(plans)
-        for line in plan_lines(plans, guess):
+    def planned(self, plan: VideoPlan) -> None:
+        """The plans of the first few videos."""
+        self.course.plan(plan.todo)
+        self.names.add(plan.name)
+        if self.course.planned <= SHOWN:
+            for line in explain_plan([plan]):
+                self.say(line)
+
+    def estimated(self, guess: Estimate) -> None:
+        """What all will take."""
+        self.course.videos = guess.videos
+        for line in estimate_lines(guess):
             self.say(line)
 
     def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
@@ -121,7 +138,7 @@ class Lines:
 
     def failed(self, name: str, message: str) -> None:
         """A line a failure."""
-        self.course.fails(name)
+        self.course.fail(name in self.names)
         self.say(f"failed: {name}: {message}")
         self.stands()
 
@@ -197,9 +214,11 @@ class Bars(Lines):
         """The uppermost bar is that of the batch."""
         if self.course.many:
             if self.all is None:
-                self.all = self.progress.add_task("", total=max(self.course.parts, 1), stage="")
-            words = self.course.words().split(", about")[0]
-            self.progress.update(self.all, description=words, completed=self.course.done)
+                self.all = self.progress.add_task("", total=1, stage="")
+            words, total = self.course.words().partition(" parts")[0], max(self.course.expected, 1)
+            self.progress.update(
+                self.all, description=f"{words} parts", completed=self.course.done, total=total
+            )
 
     def __enter__(self) -> Self:
         self.progress.start()
@@ -215,11 +234,9 @@ class Bars(Lines):
 class Steps(Quiet):
     """For runs within another job: a line a run, and what failed."""
 
-    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
+    def estimated(self, guess: Estimate) -> None:
         """What is to do."""
-        todo = sum(plan.todo for plan in plans)
-        what = f"{todo} parts to do; {estimate_line(guess)}" if todo else "nothing to compute"
-        print(f"{len(plans)} videos: {what}", file=sys.stderr, flush=True)
+        print(f"{guess.videos} videos: {_to_do(guess)}", file=sys.stderr, flush=True)
 
     def failed(self, name: str, message: str) -> None:
         """A line a failure."""
@@ -254,16 +271,16 @@ def failure_lines(failures: Mapping[str, str], videos: int, again: str) -> list[
     ]
 
 
-def plan_lines(plans: Sequence[VideoPlan], guess: Estimate) -> list[str]:
-    """The plan, shortened where there are many videos, and the estimate."""
-    lines = explain_plan(plans[:SHOWN])
-    if len(plans) > SHOWN:
-        lines.append(f"... and {len(plans) - SHOWN} more videos (all with --dry-run)")
-    if any(plan.todo for plan in plans):
-        lines.append(estimate_line(guess))
-    else:
-        lines.append("nothing to do")
-    return lines
+def estimate_lines(guess: Estimate) -> list[str]:
+    """How many videos were not shown, and the estimate."""
+    more = (
+        [f"... and {guess.videos - SHOWN} more videos (all with --dry-run)"] if guess.videos > SHOWN else []
+    )
+    return [*more, _to_do(guess)]
+
+
+def _to_do(guess: Estimate) -> str:
+    return estimate_line(guess) if guess.seconds else "nothing to do"
 
 
 def video_lines(plan: VideoPlan, summary: dict[str, Any] | None) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from traceback import format_exception
@@ -16,6 +16,8 @@ from zsmoseg.workflows.running.jobs import Outcome
 
 PATIENCE = 300.0
 """Seconds that a run waits while a cluster has no worker: batch queues and adaptive clusters start some in minutes."""
+SUMMARY = ("frames", "objects", "moving_groups", "moving_pixels_percent", "warnings")
+"""What is kept and told of summary.json."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,11 @@ class Request:
 class Watcher(Protocol):
     """Who looks on."""
 
-    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
-        """The plan is made, nothing is started."""
+    def planned(self, plan: VideoPlan) -> None:
+        """One video is planned; nothing of it is started."""
+
+    def estimated(self, guess: Estimate) -> None:
+        """What the run will take, going by the videos planned so far; the others are planned while it goes on."""
 
     def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
         """One part came back."""
@@ -78,7 +83,10 @@ class Watcher(Protocol):
 class Quiet:
     """Nobody looks on."""
 
-    def planned(self, plans: Sequence[VideoPlan], guess: Estimate) -> None:
+    def planned(self, plan: VideoPlan) -> None:
+        """Ignore."""
+
+    def estimated(self, guess: Estimate) -> None:
         """Ignore."""
 
     def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
@@ -96,18 +104,36 @@ class Quiet:
 
 @dataclass
 class Report:
-    """How a run ended; ``run`` is its id in the store, ``finished`` are the videos that are done.
+    """How a run ended.
 
-    ``started``: not every video failed before anything of it was computed.
+    Attributes
+    ----------
+    names
+        Of all videos that were meant.
+    run
+        Its id in the store, which has the keys that each video reached.
+    planned, finished
+        Videos that could be planned, and that are done.
+    summaries, failures, traces
+        By name: the front of summary.json; why a video failed, and where, if nobody expected that.
+    started
+        Not every video failed before anything of it was computed.
     """
 
-    plans: list[VideoPlan]
+    names: Sequence[str] = ()
+    run: str = ""
+    planned: set[str] = field(default_factory=set)
+    finished: list[str] = field(default_factory=list)
     summaries: dict[str, dict[str, Any]] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
     traces: dict[str, str] = field(default_factory=dict)
-    run: str = ""
-    finished: list[str] = field(default_factory=list)
     started: bool = False
+
+    def finish(self, name: str, summary: Mapping[str, Any] | None) -> None:
+        """Note a video that is done."""
+        self.finished.append(name)
+        if summary is not None:
+            self.summaries[name] = {told: summary[told] for told in SUMMARY}
 
     def fail(self, name: str, failure: Failure, watcher: Watcher) -> None:
         """Note a video that failed, and tell who looks on."""

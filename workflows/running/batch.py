@@ -1,0 +1,253 @@
+"""The videos of a run, one after another: planned when there is room, laid out, finished, forgotten."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+
+from zsmoseg.errors import AccessError, StageError, StoreError, ZsmosegError, in_words, stops_all
+from zsmoseg.remote.bucket import one_look
+from zsmoseg.stores import files
+from zsmoseg.stores.location import MARK, Store
+from zsmoseg.stores.runs import DONE, FAILED, RUNNING, Entry, RunRecord
+from zsmoseg.video.probe import Excerpt, probe
+from zsmoseg.workflows.planning.estimate import Estimate, Rates, estimate, refuse_full_disk
+from zsmoseg.workflows.planning.plan import VideoPlan, plan_video
+from zsmoseg.workflows.running.artifacts import prepare, seal_video
+from zsmoseg.workflows.running.choosing import Named
+from zsmoseg.workflows.running.request import Failure, Report, Request, Watcher
+
+
+def make_plan(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
+    """The plan of one video; ``alone``: the sources hold no other.
+
+    Raises
+    ------
+    ZsmosegError
+        See ``plan_video``; the source cannot be read.
+    """
+    with one_look():
+        return _planned(request, store, source, name, alone)
+
+
+def _planned(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
+    settings = request.settings
+    fingerprint = store.fingerprint(source, settings.video.fingerprint)
+    looked = probe(source, settings.video.parameters(Excerpt))
+    video = store.video_id(name, fingerprint)
+    for folder in (store.video(video).path, request.out / name):
+        if files.is_remote(folder):
+            files.listing(folder)
+    return plan_video(
+        store,
+        source,
+        name,
+        video,
+        fingerprint,
+        looked,
+        settings,
+        str(request.out / name),
+        request.start_from,
+        request.until,
+        alone,
+    )
+
+
+class Batch:
+    """All videos of a run. What is kept of one that is through are its name and how it ended.
+
+    Parameters
+    ----------
+    meant
+        Sources and names, in the order in which they are worked on.
+    alone
+        The sources hold one video.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        store: Store,
+        meant: Sequence[Named],
+        alone: bool,
+        report: Report,
+        watcher: Watcher,
+    ) -> None:
+        self.request, self.store, self.report, self.watcher = request, store, report, watcher
+        self.record: RunRecord | None = None
+        self.rates: Rates = {}
+        self._alone, self._size = alone, len(meant)
+        self._coming, self._held = deque(meant), list[Named]()
+        self._working: dict[str, VideoPlan] = {}
+        self._unheard: dict[str, Failure] = {}
+        self._loose: dict[str, Failure] = {}
+
+    # ------------------------------------------------------------------ planning
+    @property
+    def looked(self) -> int:
+        """Videos that were looked at so far."""
+        return self._size - len(self._coming) - len(self._held)
+
+    def take(self) -> VideoPlan | None:
+        """The plan of the next video with something to do, if there is one now; those without are finished on the way.
+
+        Raises
+        ------
+        SpaceError
+            It will not fit on the disk.
+        ZsmosegError
+            See ``fail``; not one video can be planned.
+        """
+        while self._coming:
+            source, name = self._coming.popleft()
+            plan = self._plan(source, name)
+            if plan is None:
+                continue
+            if plan.video in self._working:
+                # another name for the same content: what that leaves is not computed twice
+                self._held.append((source, name))
+                continue
+            self._begin_run()
+            self.watcher.planned(plan)
+            self.report.planned.add(name)
+            self._working[plan.video] = plan
+            if plan.todo:
+                refuse_full_disk(self.request.store, self.guess([plan]))
+                return plan
+            if self.begin(plan):
+                self.finish(plan)
+        if self.record is None and self._unheard:
+            first, many = next(iter(self._unheard.values())).message, len(self._unheard)
+            raise StageError(
+                first if many == 1 else f"none of the {many} videos can be run; the first: {first}"
+            )
+        return None
+
+    def _plan(self, source: str, name: str) -> VideoPlan | None:
+        try:
+            return make_plan(self.request, self.store, source, name, self._alone)
+        except Exception as error:
+            if stops_all(error) or (self._size == 1 and isinstance(error, ZsmosegError)):
+                raise
+            self._unheard[name] = Failure.of(error, source)
+        if self.record is not None:
+            self._tell()
+        return None
+
+    def _begin_run(self) -> None:
+        """Note the run once a video of it can be planned, and what became of those before."""
+        if self.record is None:
+            self.record = RunRecord.begin(self.store, self.request.settings.flat(), self.report.names)
+            self.report.run = self.record.id
+        self._tell()
+
+    def _tell(self) -> None:
+        for name, failure in self._unheard.items():
+            self._loose[name] = failure
+            self.report.fail(name, failure, self.watcher)
+        self._unheard.clear()
+
+    def guess(self, plans: Sequence[VideoPlan]) -> Estimate:
+        """What these take."""
+        return estimate(plans, self.rates)
+
+    # ------------------------------------------------------------------ one video
+    def begin(self, plan: VideoPlan) -> bool:
+        """Lay a video out; whether that went well."""
+        self._refuse_no_store()
+        try:
+            self.store.describe_video(plan.video, plan.source, plan.fingerprint)
+            if plan.todo:
+                self._note(plan, RUNNING)
+            prepare(self.store, plan)
+        except Exception as error:
+            self.fail(plan, Failure.of(error, plan.source), error)
+            return False
+        self.report.started = True
+        return True
+
+    def finish(self, plan: VideoPlan) -> None:
+        """Seal what is complete; clear and describe the output folder."""
+        try:
+            summary = seal_video(plan, self.request.settings)
+            self._note(plan, DONE)
+        except Exception as error:
+            self.fail(plan, Failure.of(error, plan.source), error)
+            return
+        self._leave(plan)
+        self.report.finish(plan.name, summary)
+        self.watcher.finished(plan, summary)
+
+    def fail(self, plan: VideoPlan, failure: Failure, error: Exception | None = None) -> None:
+        """Note that a video failed, by ``error`` if the client saw it.
+
+        Raises
+        ------
+        ZsmosegError
+            It is no affair of this video: the disk is full or read-only, the store is gone.
+        """
+        if error is not None and stops_all(error):
+            raise error if isinstance(error, ZsmosegError) else AccessError(failure.message) from error
+        self._refuse_no_store()
+        self._fail(plan, failure)
+
+    def _refuse_no_store(self) -> None:
+        """A store that vanished is not made anew piece by piece: it may lie on a disk that is not mounted."""
+        if not files.exists(self.store.path / MARK):
+            raise StoreError(
+                f"{self.store.path}: the store is gone; bring it back and run the same command again"
+            )
+
+    def _fail(self, plan: VideoPlan, failure: Failure) -> None:
+        self._leave(plan)
+        try:
+            self._refuse_no_store()
+            self._note(plan, FAILED, failure)
+        except (OSError, ZsmosegError):
+            self._loose[plan.name] = failure
+        self.report.fail(plan.name, failure, self.watcher)
+
+    def _leave(self, plan: VideoPlan) -> None:
+        """Videos that waited for this one come next."""
+        self._working.pop(plan.video, None)
+        self._coming.extendleft(reversed(self._held))
+        self._held.clear()
+
+    def _note(self, plan: VideoPlan, outcome: str, failure: Failure | None = None) -> None:
+        assert self.record is not None
+        entry = Entry(
+            self.record.id,
+            plan.name,
+            plan.video,
+            plan.source,
+            files.absolute(plan.output.path) if plan.files else "",
+            plan.graph,
+            {name: stage.key for name, stage in plan.stages.items()},
+            outcome,
+        )
+        self.record.note(replace(entry, failure=failure.message, trace=failure.trace) if failure else entry)
+
+    # ------------------------------------------------------------------ the end
+    def abandon(self, error: ZsmosegError) -> None:
+        """Nothing goes on: every video that is not finished failed, those that were not begun with one line."""
+        failure = Failure(f"not finished: {error}")
+        for plan in list(self._working.values()):
+            self._fail(plan, failure)
+        through = {*self.report.finished, *self.report.failures}
+        rest = [name for name in self.report.names if name not in through]
+        self.report.failures |= dict.fromkeys(rest, failure.message)
+        if rest:
+            self.watcher.note(f"{len(rest)} more videos were not begun: {error}")
+
+    def end(self, outcome: str) -> None:
+        """Note how the run ended; a store that is full or gone by now keeps what it has."""
+        if self.record is None:
+            return
+        failures = {name: failure.message for name, failure in self._loose.items()}
+        traces = {name: failure.trace for name, failure in self._loose.items() if failure.trace}
+        try:
+            self._refuse_no_store()
+            self.record.end(outcome, failures, traces)
+        except (OSError, ZsmosegError) as error:
+            self.watcher.note(f"how the run ended cannot be noted in the store: {in_words(error) or error}")
