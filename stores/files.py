@@ -27,8 +27,6 @@ TRIES = 5
 """Times that another process may take a name away, or give it, while a file is made."""
 STALE = 3600.0
 """Seconds after which an unfinished file is a leftover of a process that is gone."""
-
-
 TMP = re.compile(r"\.(.+\.)?[0-9a-f]{32}\.tmp")
 """Names of unfinished files."""
 
@@ -187,12 +185,9 @@ def touch(path: Path) -> None:
 
 
 def zarr_store(path: Path) -> Any:
-    """What Zarr and xarray open as the group or array in a folder."""
-    return str(path)
-
-
-def zip_store(path: Path) -> Any:
-    """What Zarr and xarray open as the group in a zip."""
+    """What Zarr and xarray open as the group in a folder, or in a zip."""
+    if path.is_dir():
+        return str(path)
     from zarr.storage import ZipStore
 
     return ZipStore(path, read_only=True)
