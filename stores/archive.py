@@ -8,7 +8,6 @@ written once, whole or not at all. Standard library only.
 from __future__ import annotations
 
 import io
-import json
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -19,7 +18,7 @@ from typing import Any
 
 from zsmoseg.stores import files
 from zsmoseg.stores.inside import Growing, Memory, Record
-from zsmoseg.stores.records import as_json, trusted, vouched
+from zsmoseg.stores.records import trusted, vouched
 
 RECORD = "records/artifact.json"
 _COMMENT = "{:012d} {:012d} {:012d}"
@@ -32,35 +31,38 @@ _TAIL = 2**16
 
 def encode(path: Path, memory: Memory) -> bytes:
     """The file of what is in ``memory``, for the place ``path``: the same bytes whenever it is made."""
-    stream = io.BytesIO()
     members: dict[str, list[int]] = {}
+    begin = 0
+    for name in sorted(memory.files):
+        content = memory.files[name]
+        begin += _HEADER + len(name.encode())
+        members[name] = [begin, len(content), zlib.crc32(content)]
+        begin += len(content)
+    record = vouched(path, {"members": members, "records": memory.records})
+    return _zip({name: memory.files[name] for name in members}, record)
+
+
+def _zip(members: Mapping[str, bytes | bytearray], record: bytes) -> bytes:
+    stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
-        for name in sorted(memory.files):
-            content = bytes(memory.files[name])
-            members[name] = [_add(archive, name, content), len(content), zlib.crc32(content)]
-        record = vouched(path, as_json({"members": members, "records": memory.records}))
-        text = json.dumps(record, sort_keys=True, allow_nan=False).encode()
-        where = _add(archive, RECORD, text)
+        for name, content in members.items():
+            archive.writestr(zipfile.ZipInfo(name), content)  # of 1980, whenever it is made
+        info = zipfile.ZipInfo(RECORD)
+        archive.writestr(info, record)
         archive.comment = b" " * _COMMENT_BYTES
-    content = stream.getvalue()
-    comment = _COMMENT.format(where, len(text), len(content)).encode()
-    return content[:-_COMMENT_BYTES] + comment
-
-
-def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> int:
-    """Add a member; where its content begins."""
-    info = zipfile.ZipInfo(name)  # of 1980, whenever it is made
-    archive.writestr(info, content)
-    return int(info.header_offset) + _HEADER + len(name.encode())
+    whole = stream.getvalue()
+    where = info.header_offset + _HEADER + len(RECORD)
+    return whole[:-_COMMENT_BYTES] + _COMMENT.format(where, len(record), len(whole)).encode()
 
 
 @dataclass(frozen=True)
 class Archive:
-    """The members of the file ``path``, by what its record said of them."""
+    """The members of the file ``path``: offset, size and CRC-32 of each; ``text`` is the record that says so."""
 
     path: Path
     members: Mapping[str, tuple[int, int, int]]
     records: Mapping[str, dict[str, Any]]
+    text: bytes
 
     def record(self, name: str) -> dict[str, Any] | None:
         """As ``Inside`` says."""
@@ -128,13 +130,10 @@ def _read(path: Path, stamp: str) -> Archive | None:
         return None
     inside = where - begin
     text = tail[inside : inside + length] if inside >= 0 else files.read_range(path, where, length) or b""
-    try:
-        found = trusted(path, json.loads(text))
-    except ValueError:
-        return None
+    found = trusted(path, text)
     if found is None:
         return None
-    return Archive(path, {name: tuple(at) for name, at in found["members"].items()}, found["records"])
+    return Archive(path, {name: tuple(at) for name, at in found["members"].items()}, found["records"], text)
 
 
 def differs(path: Path, found: Archive) -> bool:
@@ -142,9 +141,6 @@ def differs(path: Path, found: Archive) -> bool:
     content = files.read(path)
     if content is None:
         return True
-    again = Memory(
-        dict(found.records), {n: content[a : a + size] for n, (a, size, _) in found.members.items()}
-    )
-    return content != encode(path, again) or any(
-        zlib.crc32(again.files[name]) != crc for name, (_, _, crc) in found.members.items()
-    )
+    members = {name: content[at : at + size] for name, (at, size, _) in found.members.items()}
+    wrong = any(zlib.crc32(members[name]) != crc for name, (_, _, crc) in found.members.items())
+    return wrong or content != _zip(members, found.text)

@@ -63,6 +63,7 @@ class Arrays:
         Nothing is read before an attribute is used, and then only that array: frames and pairs in order, tables
         joined over the union of their objects (``zsmoseg.stores.joining``).
         """
+        artifact = artifact.for_reading
         parts = artifact.parts
         end = parts[-1][1] if parts else 0
         return cls._of(Source(cls, artifact, start, end if stop is None else min(stop, end)))

@@ -16,12 +16,12 @@ records imports the standard library only.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from zsmoseg.stores import archive, files
-from zsmoseg.stores.inside import Folder, Inside, Memory
+from zsmoseg.stores.inside import Folder, Inside
 from zsmoseg.stores.records import ARCHIVE, RECORDS
 
 AGAIN = "run the same command again"
@@ -90,11 +90,11 @@ def chunk_name(row: int, dimensions: int) -> str:
 class Artifact:
     """The artifact in the folder ``path`` = ``STORE/VIDEO/STAGE/KEY``, or the file beside it; it need not exist yet.
 
-    ``memory`` is what will be one file: there it is read and written until that file is.
+    ``held`` is what is inside, where that is known: what will be one file, or one file that is read many times.
     """
 
     path: Path
-    memory: Memory | None = None
+    held: Inside | None = None
 
     @property
     def archive(self) -> Path:
@@ -104,7 +104,12 @@ class Artifact:
     @property
     def inside(self) -> Inside:
         """Its files and records."""
-        return self.memory or archive.recall(self.archive) or Folder(self.path)
+        return self.held or archive.recall(self.archive) or Folder(self.path)
+
+    @property
+    def for_reading(self) -> Artifact:
+        """The same, looked up once: one file is written once and for all."""
+        return self if self.held else replace(self, held=archive.recall(self.archive))
 
     @property
     def packed(self) -> bool:

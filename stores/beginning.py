@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -58,25 +58,19 @@ def begin(artifact: Artifact, content: Mapping[str, Any]) -> None:
     if new != old:
         folder.put(ABOUT, new)
     files.touch(folder.record_place(ABOUT))
-    for name, text in array_metadata(new):
-        if folder.read(name) != text:
-            files.write_whole(folder.place(name), text)
+    for name, text in array_metadata(new).items():
+        if folder.read(f"{name}/zarr.json") != text:
+            files.write_whole(folder.place(f"{name}/zarr.json"), text)
     if artifact.done is None:
         for leftover in files.leftovers(artifact.path):
             files.remove(leftover)
 
 
-def array_metadata(laid_out: Mapping[str, Any]) -> Iterator[tuple[str, bytes]]:
-    """The ``zarr.json`` of every video array: its name in the artifact, and what it has to hold."""
-    for name, described in layout(laid_out).items():
-        yield f"{name}/zarr.json", json_bytes(described)
-
-
-def layout(laid_out: Mapping[str, Any]) -> dict[str, Any]:
-    """Metadata of the video arrays, by name."""
-    arrays = laid_out.get("arrays", {})
+def array_metadata(laid_out: Mapping[str, Any]) -> dict[str, bytes]:
+    """The ``zarr.json`` of every video array, by the array's name."""
     return {
-        name: ArraySpec.from_json(fields).metadata(first_part(laid_out)) for name, fields in arrays.items()
+        name: json_bytes(ArraySpec.from_json(about).metadata(first_part(laid_out)))
+        for name, about in laid_out.get("arrays", {}).items()
     }
 
 

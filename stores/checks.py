@@ -104,8 +104,8 @@ def _check_folder(artifact: Artifact, deep: bool) -> list[Damage]:
         return [Damage(_record(artifact, ABOUT), None, "is missing or damaged")]
     found = [
         Damage(artifact.path / name, None, "is missing" if inside.size(name) is None else "is damaged")
-        for name, text in array_metadata(artifact.laid_out)
-        if inside.read(name) != text
+        for array, text in array_metadata(artifact.laid_out).items()
+        if inside.read(name := f"{array}/zarr.json") != text
     ]
     done = artifact.done
     if done is None and inside.has(DONE):

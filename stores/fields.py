@@ -125,10 +125,15 @@ def fields_of(kind: type) -> Mapping[str, Field]:
     TypeError
         If one has a name that means something else already.
     """
-    found = {f.name: f.metadata["array"] for f in dataclasses.fields(kind) if "array" in f.metadata}
-    if taken := RESERVED & found.keys():
-        raise TypeError(f"{kind.__name__}: {', '.join(sorted(taken))} is no name for an array")
-    return found
+    if kind not in _known:
+        found = {f.name: f.metadata["array"] for f in dataclasses.fields(kind) if "array" in f.metadata}
+        if taken := RESERVED & found.keys():
+            raise TypeError(f"{kind.__name__}: {', '.join(sorted(taken))} is no name for an array")
+        _known[kind] = found
+    return _known[kind]
+
+
+_known: dict[type, Mapping[str, Field]] = {}
 
 
 def videos_of(kind: type) -> dict[str, Field]:

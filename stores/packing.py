@@ -128,11 +128,12 @@ def _float(fill: float) -> float | str:
     return "NaN" if np.isnan(fill) else float(fill)
 
 
-def folder_metadata(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """The ``zarr.json`` of the group of ``arrays`` (metadata by name), which it repeats: one file opens them all."""
-    known = {name: arrays[name] for name in sorted(arrays)}
-    consolidated = {"kind": "inline", "must_understand": False, "metadata": known}
-    return {"zarr_format": 3, "node_type": "group", "attributes": {}, "consolidated_metadata": consolidated}
+def group_bytes(attributes: Mapping[str, Any], arrays: Mapping[str, bytes]) -> bytes:
+    """The ``zarr.json`` of the group of ``arrays`` (their own by name), which it repeats: one file opens them all."""
+    root = {"zarr_format": 3, "node_type": "group", "attributes": attributes}
+    known = b", ".join(b'"%s": %s' % (name.encode(), arrays[name]) for name in sorted(arrays))
+    consolidated = b'{"kind": "inline", "must_understand": false, "metadata": {%s}}' % known
+    return b'{"consolidated_metadata": %s, %s' % (consolidated, json_bytes(root)[1:])
 
 
 def json_bytes(content: Mapping[str, Any]) -> bytes:

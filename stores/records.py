@@ -21,6 +21,8 @@ PROBES = "probes"
 """The folder of a video that has the probes of its source: times, names and sizes of the frames that are used."""
 ARCHIVE = ".zip"
 """End of the name of an artifact that is one file."""
+_FRONT = b'{"checksum": "%s", '
+_FRONT_BYTES = len(_FRONT % (b"0" * 8))
 FINGERPRINT = 16
 """Characters at the end of a folder's name that count: of a video those of its fingerprint."""
 
@@ -47,7 +49,7 @@ def write_json(path: Path, value: Mapping[str, Any], sync: bool = False) -> None
 
 def read_record(path: Path) -> dict[str, Any] | None:
     """What ``write_record`` wrote; None where the file is missing or differs from that in anything."""
-    return trusted(path, read_json(path))
+    return trusted(path, files.read(path) or b"")
 
 
 def write_record(path: Path, value: Mapping[str, Any], sync: bool = False) -> None:
@@ -60,24 +62,29 @@ def write_record(path: Path, value: Mapping[str, Any], sync: bool = False) -> No
     ValueError
         If ``value`` holds NaN or infinity.
     """
-    write_json(path, vouched(path, as_json(value)), sync)
+    files.write_whole(path, vouched(path, value), sync)
 
 
-def vouched(path: Path, content: dict[str, Any]) -> dict[str, Any]:
-    """Plain JSON with its checksum, for the place ``path``."""
-    return {**content, "checksum": _stamp(path, content)}
+def vouched(path: Path, value: Mapping[str, Any]) -> bytes:
+    """JSON of an object with its checksum in front, for the place ``path``."""
+    content = _text(value).encode()
+    return _FRONT % _stamp(path, content) + content[1:] + b"\n"
 
 
-def trusted(path: Path, value: object) -> dict[str, Any] | None:
-    """What ``vouched`` was given; None where it differs from that in anything."""
-    if not isinstance(value, dict):
+def trusted(path: Path, text: bytes) -> dict[str, Any] | None:
+    """What ``vouched`` was given; None where a byte differs from that."""
+    content = b"{" + text[_FRONT_BYTES:].removesuffix(b"\n")
+    if text[:_FRONT_BYTES] != _FRONT % _stamp(path, content):
         return None
-    content = {name: inside for name, inside in value.items() if name != "checksum"}
-    return content if value.get("checksum") == _stamp(path, content) else None
+    try:
+        value: dict[str, Any] = json.loads(content)
+    except (ValueError, RecursionError):
+        return None
+    return value
 
 
-def _stamp(path: Path, content: Mapping[str, Any]) -> str:
-    """The checksum of a record, for the place where it lies.
+def _stamp(path: Path, content: bytes) -> bytes:
+    """The checksum of a record, for the place where it lies: 8 hexadecimal digits of CRC-32.
 
     The place is what stands below the store: a store may be moved. Of a video's folder the end counts, which is its
     fingerprint: people may call it otherwise.
@@ -85,9 +92,8 @@ def _stamp(path: Path, content: Mapping[str, Any]) -> str:
     depth = (
         5 if path.parent.name == RECORDS else 3 if path.suffix == ARCHIVE or path.parent.name == PROBES else 2
     )
-    return checksum(
-        {"place": [name[-FINGERPRINT:] for name in path.parts[-depth:-1]] + [path.name], **content}
-    )
+    place = "/".join([*(name[-FINGERPRINT:] for name in path.parts[-depth:-1]), path.name])
+    return b"%08x" % zlib.crc32(content, zlib.crc32(place.encode()))
 
 
 def as_json(value: Mapping[str, Any]) -> dict[str, Any]:
@@ -105,11 +111,6 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} cannot stand in a record")
-
-
-def checksum(content: Mapping[str, Any]) -> str:
-    """8 hexadecimal digits of CRC-32 over canonical JSON."""
-    return f"{zlib.crc32(_text(content).encode()):08x}"
 
 
 def recall_record(path: Path) -> dict[str, Any] | None:

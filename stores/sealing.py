@@ -16,11 +16,11 @@ from zsmoseg.errors import StoreError
 from zsmoseg.stores import files, joining
 from zsmoseg.stores.arrays import Arrays, join, labels_of
 from zsmoseg.stores.artifact import AGAIN, DONE, Artifact, chunk_name, part_name
-from zsmoseg.stores.beginning import array_metadata, layout
+from zsmoseg.stores.beginning import array_metadata
 from zsmoseg.stores.checks import part_problem
 from zsmoseg.stores.fields import IDS_OF, TIMES, tables_of
 from zsmoseg.stores.inside import Folder
-from zsmoseg.stores.packing import folder_metadata, json_bytes, metadata, pack, pack_text, pieces
+from zsmoseg.stores.packing import group_bytes, json_bytes, metadata, pack, pack_text, pieces
 from zsmoseg.stores.reader import blocks
 
 Array = np.ndarray[Any, Any]
@@ -56,7 +56,7 @@ def seal(
             raise StoreError(f"{artifact.path}: part {part}: {problem}; {AGAIN}")
     if not artifact.parts:
         raise StoreError(f"{artifact.path}: artifact.json is missing or damaged; {AGAIN}")
-    if artifact.memory is None:
+    if artifact.held is None:
         artifact.unseal()
     whole = _Whole(artifact)
     frames = artifact.parts[-1][1]
@@ -80,7 +80,7 @@ def seal(
             whole.put(dim, [ids], ids.shape, ids.dtype, (dim,), 0, {})
     _coordinates(whole, labels_of(kind, artifact), times, names)
     whole.close()
-    if artifact.memory is not None:
+    if artifact.held is not None:
         whole.inside.put(DONE, {**(extra or {}), "files": whole.files})
         return
     # one record in the place of one a part: first the new one, then those that it takes in
@@ -118,16 +118,16 @@ class _Whole:
     """The Zarr arrays of an artifact beside its video arrays, as they are written."""
 
     artifact: Artifact
-    arrays: dict[str, Any] = field(default_factory=dict)
+    arrays: dict[str, bytes] = field(default_factory=dict)
     files: dict[str, dict[str, int]] = field(default_factory=dict)
     sizes: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.inside = self.artifact.memory or Folder(self.artifact.path)
-        self.arrays = layout(self.artifact.laid_out)
-        if self.artifact.memory is not None:
-            for name, text in array_metadata(self.artifact.laid_out):
-                self._write(name, text)
+        self.inside = self.artifact.held or Folder(self.artifact.path)
+        self.arrays = array_metadata(self.artifact.laid_out)
+        if self.artifact.held is not None:
+            for name, text in self.arrays.items():
+                self._write(f"{name}/zarr.json", text)
         for described in self.artifact.arrays.values():
             self.sizes |= dict(zip(described["dims"], described["shape"], strict=True))
 
@@ -165,14 +165,12 @@ class _Whole:
 
     def close(self) -> None:
         """The group, which makes it all readable at once."""
-        root = folder_metadata(self.arrays)
         told = sorted({"time", "name"} & self.arrays.keys())
-        root["attributes"] = {"coordinates": " ".join(told)} if told else {}
-        self._write("zarr.json", json_bytes(root))
+        self._write("zarr.json", group_bytes({"coordinates": " ".join(told)} if told else {}, self.arrays))
 
     def _described(self, name: str, described: Mapping[str, Any]) -> None:
-        self.arrays[name] = described
-        self._write(f"{name}/zarr.json", json_bytes(described))
+        self.arrays[name] = json_bytes(described)
+        self._write(f"{name}/zarr.json", self.arrays[name])
 
     def _write(self, name: str, content: bytes) -> None:
         with files.full_disk_in_words(self.artifact.path):

@@ -19,7 +19,6 @@ from zsmoseg.stores.fields import fields_of
 from zsmoseg.stores.fixedpoint import encode
 from zsmoseg.stores.inside import Folder, Growing, Memory
 from zsmoseg.stores.packing import pack
-from zsmoseg.stores.records import as_json
 from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.stores.sealing import seal
 
@@ -43,7 +42,7 @@ class PartWriter:
         self.part = part
         self.facts: dict[str, Any] = {}
         self._start, self._stop = artifact.parts[part]
-        self._inside = artifact.memory or Folder(artifact.path)
+        self._inside = artifact.held or Folder(artifact.path)
         self._specs = {name: ArraySpec.from_json(about) for name, about in artifact.arrays.items()}
         self._files: dict[str, dict[str, int]] = {}
         self._clipped: dict[str, int] = {}
@@ -190,7 +189,7 @@ class PartWriter:
 
     def _clear(self) -> None:
         """Remove what the part had; leftovers of killed writers too."""
-        if self.artifact.memory is None:
+        if self.artifact.held is None:
             self.artifact.invalidate([self.part])
         for name in (tables_name(self.part), *(self.artifact.shard(name, self.part) for name in self._specs)):
             self._inside.remove(name)
@@ -223,13 +222,12 @@ def write_archive(
     SpaceError
         If the disk is full.
     """
-    memory = Memory({ABOUT: as_json(laid_out)})
-    held = replace(artifact, memory=memory)
+    memory = Memory({ABOUT: dict(laid_out)})
+    held = replace(artifact, held=memory)
     with PartWriter(held, 0) as writer:
         for block in left:
             writer.put(block)
         writer.facts = dict(facts())
-    memory.records[part_name(0)] = as_json(memory.records[part_name(0)])
     if kind is not None:
         seal(held, kind, times, names)
     files.write_whole(artifact.archive, archive.encode(artifact.archive, memory))
