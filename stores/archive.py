@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from zsmoseg.stores import files
@@ -29,7 +29,7 @@ _TAIL = 2**16
 """Bytes that are read at once from the end: the record of a short video and the directory behind it are in it."""
 
 
-def encode(path: Path, memory: Memory) -> bytes:
+def encode(path: PurePath, memory: Memory) -> bytes:
     """The file of what is in ``memory``, for the place ``path``: the same bytes whenever it is made."""
     members: dict[str, list[int]] = {}
     begin = 0
@@ -59,7 +59,7 @@ def _zip(members: Mapping[str, bytes | bytearray], record: bytes) -> bytes:
 class Archive:
     """The members of the file ``path``: offset, size and CRC-32 of each; ``text`` is the record that says so."""
 
-    path: Path
+    path: PurePath
     members: Mapping[str, tuple[int, int, int]]
     records: Mapping[str, dict[str, Any]]
     text: bytes
@@ -111,14 +111,14 @@ class Archive:
         return RuntimeError(f"{self.path}: is written once and for all")
 
 
-def recall(path: Path) -> Archive | None:
+def recall(path: PurePath) -> Archive | None:
     """The archive; None where there is none, or its record is damaged. Read once while the file stays the same."""
     stamp = files.stamp(path)
     return None if stamp is None else _read(path, stamp)
 
 
 @lru_cache(maxsize=256)
-def _read(path: Path, stamp: str) -> Archive | None:
+def _read(path: PurePath, stamp: str) -> Archive | None:
     size = files.size(path) or 0
     begin = max(size - _TAIL, 0)
     tail = files.read_range(path, begin, size - begin) or b""
@@ -136,7 +136,7 @@ def _read(path: Path, stamp: str) -> Archive | None:
     return Archive(path, {name: tuple(at) for name, at in found["members"].items()}, found["records"], text)
 
 
-def differs(path: Path, found: Archive) -> bool:
+def differs(path: PurePath, found: Archive) -> bool:
     """Whether a byte of the file is not as it was written; all of it is read."""
     content = files.read(path)
     if content is None:

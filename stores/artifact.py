@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from zsmoseg.stores import archive, files
@@ -93,11 +93,11 @@ class Artifact:
     ``held`` is what is inside, where that is known: what will be one file, or one file that is read many times.
     """
 
-    path: Path
+    path: PurePath
     held: Inside | None = None
 
     @property
-    def archive(self) -> Path:
+    def archive(self) -> PurePath:
         """The one file of a short video."""
         return self.path.with_name(self.path.name + ARCHIVE)
 
@@ -152,7 +152,7 @@ class Artifact:
         return tuple(self.laid_out["arrays"][name]["shape"])
 
     # ------------------------------------------------------------------ parts
-    def lease_path(self, work: str) -> Path:
+    def lease_path(self, work: str) -> PurePath:
         """Who does some work on it: a part, by the name of its record, or its beginning or sealing."""
         return self.path.with_name(f"{self.path.name}.{work}.lease")
 
@@ -230,7 +230,7 @@ def tables_name(part: int) -> str:
     return f"{RECORDS}/{part:04d}.tables"
 
 
-def marks_in(stage: Path) -> Iterator[tuple[Path, Path]]:
+def marks_in(stage: PurePath) -> Iterator[tuple[PurePath, PurePath]]:
     """The artifacts in the folder of a stage: the file that says when it was written, and its path."""
     for path in files.inside(stage):
         if files.is_link(path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 
 from zsmoseg.stores import archive, files
 from zsmoseg.stores.artifact import ABOUT, DONE, Artifact, part_name
@@ -19,7 +19,7 @@ Expected = Mapping[str, Mapping[str, int]]
 class Damage:
     """A file that is not as its record says; ``part`` where it belongs to one part of an artifact."""
 
-    path: Path
+    path: PurePath
     part: int | None
     what: str
 
@@ -66,7 +66,7 @@ def wrong_sizes(
     return found
 
 
-def _record(artifact: Artifact, name: str) -> Path:
+def _record(artifact: Artifact, name: str) -> PurePath:
     return artifact.path / RECORDS / f"{name}.json"
 
 

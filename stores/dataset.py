@@ -30,6 +30,6 @@ def open_dataset(artifact: Artifact) -> xr.Dataset:
         problems = [problem]
     if problems or not artifact.parts:
         raise StoreError(f"{artifact.path}: {(problems or ['nothing here'])[0]}; {AGAIN}")
-    place = artifact.archive if artifact.packed else artifact.path
-    found: xr.Dataset = xr.open_zarr(files.zarr_store(place), chunks=None)
+    place = files.zip_store(artifact.archive) if artifact.packed else files.zarr_store(artifact.path)
+    found: xr.Dataset = xr.open_zarr(place, chunks=None)
     return found

@@ -9,7 +9,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any, Protocol
 
 from zsmoseg.errors import StoreError
@@ -75,13 +75,13 @@ class Inside(Protocol):
 class Folder:
     """Files below ``path``."""
 
-    path: Path
+    path: PurePath
 
-    def place(self, name: str) -> Path:
+    def place(self, name: str) -> PurePath:
         """Where a file is: below the folder, behind no link."""
         return files.below(self.path, name)
 
-    def record_place(self, name: str) -> Path:
+    def record_place(self, name: str) -> PurePath:
         """Where a record is."""
         return self.place(f"{RECORDS}/{name}.json")
 

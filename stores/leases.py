@@ -1,8 +1,9 @@
-"""Who works on something: a file beside it that is touched while the work goes on.
+"""Who works on something: a file beside it that is renewed while the work goes on.
 
 Two runs on one store must not clear what the other is writing, nor wait for one that died. A lease that nobody has
-touched for ``EXPIRY`` seconds, by the watch of the one who waits, is nobody's: clocks of machines differ, and a file
-system's times are those of another machine. On the same machine a process that is gone is seen at once.
+renewed for ``EXPIRY`` seconds, by the watch of the one who waits, is nobody's: clocks of machines differ, and a file
+system's times are those of another machine. On the same machine a process that is gone is seen at once. Creating,
+renewing and taking over are single steps of the storage, each of which fails where another was faster.
 """
 
 from __future__ import annotations
@@ -14,78 +15,144 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import PurePath
 from typing import Any
 
 import psutil
 
 from zsmoseg.stores import files
+from zsmoseg.stores.files import Stat
 
 BEAT = 5.0
-"""Seconds from one touch to the next."""
+"""Seconds from one renewal to the next."""
 EXPIRY = 30.0
-"""Seconds without a touch after which a lease is nobody's: a machine that is busy may miss some beats."""
+"""Seconds without one after which a lease is nobody's: a machine that is busy may miss some beats."""
 OLD = 600.0
-"""Seconds since the last touch, by the file system, after which there is no need to watch: clocks differ by less."""
-PAUSE = 0.2
-"""Seconds between two looks."""
+"""Seconds since the last renewal, by the file system, after which there is no need to watch: clocks differ by less."""
+PAUSE, FAR_PAUSE = 0.2, 2.0
+"""Seconds between two looks; where each is a request that somebody pays for."""
 
 
 @contextmanager
-def lease(path: Path, done: Callable[[], bool] = lambda: False) -> Iterator[bool]:
+def lease(path: PurePath, done: Callable[[], bool] = lambda: False) -> Iterator[bool]:
     """Hold the lease ``path`` for the time of the block; wait for others that hold it.
 
     Yields
     ------
     False where ``done`` says, while waiting, that there is nothing to do any more: the lease is not held then.
     """
-    mine = _wait(path, done)
-    if mine is None:
+    held = _wait(path, done)
+    if held is None:
         yield False
         return
-    stop = threading.Event()
-    beat = threading.Thread(target=_beat, args=(path, stop), daemon=True)
-    beat.start()
+    _heart.add(held)
     try:
         yield True
     finally:
-        stop.set()
-        beat.join()
-        if files.read(path) == mine:
-            files.remove(path)
+        _heart.discard(held)
+        held.give_up()
 
 
-def sweep(folder: Path) -> None:
+def sweep(folder: PurePath) -> None:
     """Take away what killed runs left in a folder."""
     for path in files.matching(folder, "*.lease"):
-        signature = files.signature(path)
-        if signature is not None and _dead(path, signature):
-            _clear(path)
+        seen = files.signature(path)
+        if seen is not None and _dead(path, seen):
+            held = _Held(path, _myself())
+            if held.take(seen):
+                held.give_up()
 
 
-def _beat(path: Path, stop: threading.Event) -> None:
-    while not stop.wait(BEAT):
-        try:
-            files.touch(path)
-        except OSError:
-            return
+@dataclass(eq=False)
+class _Held:
+    """A lease of ours: what stands in it, and the file as we wrote it last."""
+
+    path: PurePath
+    holder: dict[str, Any]
+    file: Stat | None = None
+    beats: int = 0
+
+    def _content(self) -> bytes:
+        return json.dumps({**self.holder, "beats": self.beats}).encode()
+
+    def create(self) -> bool:
+        """Whether it was nobody's, and is ours now."""
+        self.file = files.create(self.path, self._content())
+        return self.file is not None
+
+    def take(self, seen: Stat) -> bool:
+        """Whether it was as ``seen`` until now, and is ours now."""
+        self.file = files.take(self.path, self._content(), seen)
+        return self.file is not None
+
+    def beat(self) -> None:
+        """Say that it is still ours, if it is."""
+        if self.file is not None:
+            self.beats += 1
+            # a disk or a network that is away for a moment comes back, or the lease expires
+            with suppress(OSError):
+                self.file = files.renew(self.path, self._content(), self.file)
+
+    def give_up(self) -> None:
+        """Take it away, unless it is another's by now."""
+        if self.file is not None and _read(self.path).get("id") == self.holder["id"]:
+            files.remove(self.path)
 
 
-def _wait(path: Path, done: Callable[[], bool]) -> bytes | None:
-    """What our lease says, once we hold it; None where ``done`` came first."""
-    mine = json.dumps(_myself()).encode()
-    seen: tuple[Any, float] = (None, 0.0)
-    while not files.create(path, mine):
+class _Heart:
+    """Beats for all leases of this process, in one thread: a thread a lease takes longer than what a short video does."""
+
+    def __init__(self) -> None:
+        self._held: set[_Held] = set()
+        self._beating = threading.Lock()
+        self._process = 0
+
+    def add(self, held: _Held) -> None:
+        """From now on."""
+        with self._beating:
+            self._held.add(held)
+        if self._process != os.getpid():  # the first, or the first after a fork
+            self._process = os.getpid()
+            threading.Thread(target=self._beat, daemon=True).start()
+
+    def discard(self, held: _Held) -> None:
+        """No more; a beat that is under way ends first, so that none comes after."""
+        with self._beating:
+            self._held.discard(held)
+
+    def _beat(self) -> None:
+        while True:
+            time.sleep(BEAT)
+            with self._beating:
+                held = list(self._held)
+            for each in held:
+                with self._beating:
+                    if each in self._held:
+                        each.beat()
+
+
+_heart = _Heart()
+
+
+def _wait(path: PurePath, done: Callable[[], bool]) -> _Held | None:
+    """Our lease, once we hold it; None where ``done`` came first."""
+    mine = _Held(path, _myself())
+    last: tuple[Stat | None, float] = (None, 0.0)
+    while not mine.create():
         if done():
             return None
-        signature, now = files.signature(path), time.monotonic()
-        if signature != seen[0]:
-            seen = signature, now
-        if signature is not None and (now - seen[1] > EXPIRY or _dead(path, signature)):
-            _clear(path)
+        seen, now = files.signature(path), time.monotonic()
+        if seen != last[0]:
+            last = seen, now
+        if seen is None:
+            continue
+        if now - last[1] > EXPIRY or _dead(path, seen):
+            if mine.take(seen):
+                return mine
         else:
-            time.sleep(PAUSE)
+            time.sleep(FAR_PAUSE if files.is_remote(path) else PAUSE)
     return mine
 
 
@@ -99,30 +166,25 @@ def _myself() -> dict[str, Any]:
     }
 
 
-def _dead(path: Path, signature: tuple[int, ...]) -> bool:
-    """Whether the holder is a process of this machine that is gone, or nobody has touched it for very long."""
-    if time.time() - signature[0] / 1e9 > OLD:
+def _read(path: PurePath) -> dict[str, Any]:
+    """What stands in a lease; nothing where it is gone, or half written by a machine without hard links."""
+    try:
+        found = json.loads(files.read(path) or b"")
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _dead(path: PurePath, seen: Stat) -> bool:
+    """Whether the holder is a process of this machine that is gone, or nobody has renewed it for very long."""
+    if time.time() - seen.modified / 1e9 > OLD:
         return True
-    try:
-        held = json.loads(files.read(path) or b"")
-        host, pid, started = held["host"], held["pid"], held["started"]
-    except (ValueError, KeyError, TypeError):
-        return False
-    if host != socket.gethostname():
+    held = _read(path)
+    if held.get("host") != socket.gethostname():
         return False
     try:
-        return bool(psutil.Process(pid).create_time() != started)
+        return bool(psutil.Process(held["pid"]).create_time() != held["started"])
     except psutil.NoSuchProcess:
         return True
-    except psutil.Error:
+    except (psutil.Error, KeyError, TypeError, ValueError):
         return False
-
-
-def _clear(path: Path) -> None:
-    """Take a lease away that is nobody's: whoever renames it first does, and looks at what was taken."""
-    before = files.read(path)
-    taken = path.with_name(f".{path.name}.{os.getpid()}.{uuid.uuid4().hex}.tmp")
-    if files.move(path, taken):
-        if files.read(taken) != before:
-            files.create(path, files.read(taken) or b"")
-        files.remove(taken)

@@ -16,7 +16,7 @@ import hashlib
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from zsmoseg.errors import StoreError
@@ -40,7 +40,7 @@ _VIDEO = re.compile(r".+-[0-9a-f]{16}")
 class VideoFolder:
     """What a store holds of one video."""
 
-    path: Path
+    path: PurePath
 
     @property
     def description(self) -> dict[str, Any] | None:
@@ -78,10 +78,10 @@ class VideoFolder:
 class Store:
     """A store in the folder ``path``; ``open`` checks it, the bare constructor does not."""
 
-    path: Path
+    path: PurePath
 
     @classmethod
-    def open(cls, path: str | Path, create: bool) -> Store:
+    def open(cls, path: str | PurePath, create: bool) -> Store:
         """Open a store.
 
         Parameters
@@ -94,7 +94,7 @@ class Store:
         StoreError
             Not there, not a store, written by a newer version, or not to be written.
         """
-        store = cls(Path(path))
+        store = cls(files.folder(path))
         marked = store._check_mark()
         if not marked and not store._looks_like_one():
             raise StoreError(f"{path}: is not a store: it holds other things; give another folder (--store)")
@@ -136,11 +136,11 @@ class Store:
                     files.remove(leftover)
         except OSError as error:
             raise StoreError(
-                f"{self.path}: cannot be written ({error.strerror}); give another folder (--store)"
+                f"{self.path}: cannot be written ({error.strerror}); mend that or give another folder (--store)"
             ) from error
 
     @property
-    def runs(self) -> Path:
+    def runs(self) -> PurePath:
         """Where the records of runs are."""
         return files.below(self.path, "runs")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from zsmoseg.errors import OutputError
@@ -31,8 +31,8 @@ ENTRY = {"size": int, "crc32": int, "stamp": str, "key": str}
 class Output:
     """The folder ``path``, written for the video ``video`` (its id in the store)."""
 
-    def __init__(self, path: str | Path, video: str) -> None:
-        self.path = Path(path)
+    def __init__(self, path: str | PurePath, video: str) -> None:
+        self.path = files.folder(path)
         self.video = video
         listed = _read_list(self.path / LIST)
         self.listed = listed is not None
@@ -59,9 +59,8 @@ class Output:
         for path in (self.path, self.path.parent):
             if files.is_link(path):
                 raise OutputError(f"{path}: is a link; give the folder itself as output folder (-o)")
-        for path in (self.path, *self.path.parents):
-            if files.exists(path) and not files.is_folder(path):
-                raise OutputError(f"{path}: is a file; give another output folder (-o)")
+        if file := files.in_the_way(self.path):
+            raise OutputError(f"{file}: is a file; give another output folder (-o)")
         if self.foreign and self._described():
             self._lose_list()
         if self.foreign and self.files:
@@ -168,7 +167,7 @@ class Output:
         write_record(files.below(self.path, LIST, OutputError), content)
 
 
-def _differs(path: Path, entry: dict[str, Any], deep: bool = False) -> bool:
+def _differs(path: PurePath, entry: dict[str, Any], deep: bool = False) -> bool:
     """Whether a file is not as its entry says; one that is notes its new stamp, so that it is read only once."""
     stamp = files.stamp(path)
     if not deep and stamp == entry["stamp"]:
@@ -180,7 +179,7 @@ def _differs(path: Path, entry: dict[str, Any], deep: bool = False) -> bool:
     return False
 
 
-def _read_list(path: Path) -> dict[str, Any] | None:
+def _read_list(path: PurePath) -> dict[str, Any] | None:
     """The list of a folder; None where it is missing, damaged, a link, or names what does not lie in the folder."""
     found = None if files.is_link(path) else read_record(path)
     if not found or not isinstance(found.get("video"), str):
@@ -214,7 +213,7 @@ def known_outputs(store: Store) -> Iterator[tuple[Output, list[Damage]]]:
     A folder that is gone was taken away by whoever it belongs to.
     """
     for place, video in outputs(store).items():
-        path = Path(place)
+        path = files.folder(place)
         if files.is_link(path) or not files.is_folder(path):
             continue
         output = Output(path, video)

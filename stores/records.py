@@ -10,10 +10,11 @@ import json
 import zlib
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from zsmoseg.stores import files
+from zsmoseg.stores.files import Stat
 
 RECORDS = "records"
 """The folder of an artifact that has its records."""
@@ -27,7 +28,7 @@ FINGERPRINT = 16
 """Characters at the end of a folder's name that count: of a video those of its fingerprint."""
 
 
-def read_json(path: Path) -> dict[str, Any] | None:
+def read_json(path: PurePath) -> dict[str, Any] | None:
     """The object in ``path``; None where it is missing, empty, cut off or no object."""
     try:
         value = json.loads(files.read(path) or b"")
@@ -36,7 +37,7 @@ def read_json(path: Path) -> dict[str, Any] | None:
     return value if isinstance(value, dict) else None
 
 
-def write_json(path: Path, value: Mapping[str, Any], sync: bool = False) -> None:
+def write_json(path: PurePath, value: Mapping[str, Any], sync: bool = False) -> None:
     """Write ``value`` beside ``path`` and move it there; ``sync``: on the disk before the name appears.
 
     Raises
@@ -47,12 +48,12 @@ def write_json(path: Path, value: Mapping[str, Any], sync: bool = False) -> None
     files.write_whole(path, _text(value).encode() + b"\n", sync)
 
 
-def read_record(path: Path) -> dict[str, Any] | None:
+def read_record(path: PurePath) -> dict[str, Any] | None:
     """What ``write_record`` wrote; None where the file is missing or differs from that in anything."""
     return trusted(path, files.read(path) or b"")
 
 
-def write_record(path: Path, value: Mapping[str, Any], sync: bool = False) -> None:
+def write_record(path: PurePath, value: Mapping[str, Any], sync: bool = False) -> None:
     """Write ``value`` with a checksum, atomically; numpy numbers and arrays become plain ones.
 
     Raises
@@ -65,13 +66,13 @@ def write_record(path: Path, value: Mapping[str, Any], sync: bool = False) -> No
     files.write_whole(path, vouched(path, value), sync)
 
 
-def vouched(path: Path, value: Mapping[str, Any]) -> bytes:
+def vouched(path: PurePath, value: Mapping[str, Any]) -> bytes:
     """JSON of an object with its checksum in front, for the place ``path``."""
     content = _text(value).encode()
     return _FRONT % _stamp(path, content) + content[1:] + b"\n"
 
 
-def trusted(path: Path, text: bytes) -> dict[str, Any] | None:
+def trusted(path: PurePath, text: bytes) -> dict[str, Any] | None:
     """What ``vouched`` was given; None where a byte differs from that."""
     content = b"{" + text[_FRONT_BYTES:].removesuffix(b"\n")
     if text[:_FRONT_BYTES] != _FRONT % _stamp(path, content):
@@ -83,7 +84,7 @@ def trusted(path: Path, text: bytes) -> dict[str, Any] | None:
     return value
 
 
-def _stamp(path: Path, content: bytes) -> bytes:
+def _stamp(path: PurePath, content: bytes) -> bytes:
     """The checksum of a record, for the place where it lies: 8 hexadecimal digits of CRC-32.
 
     The place is what stands below the store: a store may be moved. Of a video's folder the end counts, which is its
@@ -113,12 +114,12 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} cannot stand in a record")
 
 
-def recall_record(path: Path) -> dict[str, Any] | None:
+def recall_record(path: PurePath) -> dict[str, Any] | None:
     """As ``read_record``, parsed once while the file stays the same; not to be changed by who gets it."""
     signature = files.signature(path)
     return _parsed(path, signature) if signature else None
 
 
 @lru_cache(maxsize=64)
-def _parsed(path: Path, signature: tuple[int, int, int]) -> dict[str, Any] | None:
+def _parsed(path: PurePath, signature: Stat) -> dict[str, Any] | None:
     return read_record(path)

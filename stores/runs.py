@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 from zsmoseg.errors import StoreError
@@ -25,7 +25,7 @@ PACKAGES = ("zsmoseg", "numpy", "scipy", "zarr", "numcodecs", "numba", "opencv-p
 class RunRecord:
     """The record of one run: ``runs/<UTC time>-<id>.json``."""
 
-    path: Path
+    path: PurePath
     content: dict[str, Any]
 
     @classmethod
@@ -73,7 +73,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def run_path(store: Store, run: str) -> Path:
+def run_path(store: Store, run: str) -> PurePath:
     """Where the record of a run is."""
     return files.below(store.runs, f"{run}.json", one=True)
 

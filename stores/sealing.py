@@ -173,7 +173,7 @@ class _Whole:
         self._write(f"{name}/zarr.json", self.arrays[name])
 
     def _write(self, name: str, content: bytes) -> None:
-        with files.full_disk_in_words(self.artifact.path):
+        with files.errors_in_words(self.artifact.path):
             self.inside.write(name, content)
         self.files[name] = {"size": len(content), "crc32": files.crc32(content)}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
@@ -19,7 +19,7 @@ from zsmoseg.stores.runs import forget_run, read_run, run_ids, run_path
 class Garbage:
     """What ``remove_garbage`` would remove: folders and files, and their bytes."""
 
-    paths: list[Path]
+    paths: list[PurePath]
     size: int
 
 
@@ -69,7 +69,7 @@ def _reached(store: Store, forget: Sequence[str]) -> set[tuple[str, ...]]:
     return reached
 
 
-def _unreached(store: Store, reached: set[tuple[str, ...]]) -> Iterator[Path]:
+def _unreached(store: Store, reached: set[tuple[str, ...]]) -> Iterator[PurePath]:
     for video in store.videos():
         if (video,) not in reached:
             yield store.path / video

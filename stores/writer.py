@@ -180,7 +180,7 @@ class PartWriter:
     def _disk(self) -> Iterator[None]:
         """Around writing: a full disk becomes a ``SpaceError``, and the part vanishes."""
         try:
-            with files.full_disk_in_words(self.artifact.path):
+            with files.errors_in_words(self.artifact.path):
                 yield
         except SpaceError:
             self._close_tables()

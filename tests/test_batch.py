@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 from conftest import draw_clip, write_folder
 from runs import segment
+from zsmoseg.workflows.running.local_paths import local_folder
 
 from zsmoseg.errors import AccessError, SettingsError, SpaceError, StoreError, system_errors_in_words
 from zsmoseg.settings import resolve
@@ -30,7 +31,6 @@ from zsmoseg.workflows.cli.run import again
 from zsmoseg.workflows.planning.estimate import Estimate
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.choosing import choose
-from zsmoseg.workflows.running.local_paths import local_folder
 from zsmoseg.workflows.running.progress import Bars, Course, Lines, failure_lines
 from zsmoseg.workflows.running.request import Choice, Quiet, Report, Request
 from zsmoseg.workflows.running.run import run
@@ -343,7 +343,7 @@ def test_a_disk_that_refuses_a_file_of_one_video_fails_that_video_only(
 
     def refusing(path: Path, content: bytes, sync: bool = False) -> None:
         if path.name == name and any(part.split("-")[0] == victim["video"] for part in path.parts):
-            with files.full_disk_in_words(path):
+            with files.errors_in_words(path):
                 raise OSError(code, os.strerror(code), str(path))
         whole(path, content, sync)
 

@@ -306,7 +306,7 @@ def test_the_size_of_what_is_not_there_is_none(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_told_from_other_troubles(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="busy") as caught, files.full_disk_in_words(tmp_path):
+    with pytest.raises(OSError, match="busy") as caught, files.errors_in_words(tmp_path):
         raise OSError(16, "busy")
     assert not isinstance(caught.value, SpaceError)
 

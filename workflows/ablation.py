@@ -10,6 +10,7 @@ from zsmoseg.datasets import Dataset, select
 from zsmoseg.errors import SettingsError, StageError
 from zsmoseg.metrics.clips import SequenceScore
 from zsmoseg.metrics.protocols import PROTOCOLS, Rules
+from zsmoseg.remote.url import place
 from zsmoseg.settings import PRESETS, resolve
 from zsmoseg.stores.location import Store
 from zsmoseg.workflows.evaluate.evaluation import evaluate
@@ -115,7 +116,7 @@ def ablate(
         if report.failures:
             raise StageError(next(iter(report.failures.values())))
         chosen = select(dataset, [plan.name for plan in report.plans], PROTOCOL)
-        prediction = Prediction(variant.name, request.store, run=report.run)
+        prediction = Prediction(variant.name, place(request.store), run=report.run)
         board = evaluate([prediction], dataset, chosen, rules, workers=request.workers)
         methods |= board.methods
     assert board is not None

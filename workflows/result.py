@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from zsmoseg.errors import StageError, StoreError
+from zsmoseg.remote.url import folder
 from zsmoseg.settings import resolve
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.dataset import open_dataset
@@ -38,11 +39,11 @@ LAST = "masks"
 
 
 def segment(
-    source: str | Path,
+    source: str | PurePath,
     groups: int | Literal["auto"] = "auto",
     *,
-    out: str | Path = "zsmoseg-out",
-    store: str | Path = "zsmoseg-store",
+    out: str | PurePath = "zsmoseg-out",
+    store: str | PurePath = "zsmoseg-store",
     preset: str = "embedded",
     settings: dict[str, Any] | None = None,
     scheduler: Any = "serial",
@@ -51,9 +52,9 @@ def segment(
 
     Parameters
     ----------
-    source : video file, folder of frames, or glob of images.
+    source : video file, folder of frames, or glob of images; a path or a URL.
     groups : number of groups, the static one included, or ``"auto"``.
-    out, store : where the masks and the artifacts go.
+    out, store : where the masks and the artifacts go: folders, or URLs as ``s3://bucket/name``.
     preset, settings : a preset, and settings by dotted name on top of it.
     scheduler : ``"serial"``, ``"local"``, the address of a Dask scheduler, or a ``distributed.Client``.
 
@@ -63,7 +64,7 @@ def segment(
         Bad input, or a part that failed.
     """
     chosen = resolve(preset, None, {"groups.count": groups, **(settings or {})})
-    report = run(Request([str(source)], Path(out), Path(store), chosen, scheduler))
+    report = run(Request([str(source)], folder(out), folder(store), chosen, scheduler))
     if report.failures:
         raise StageError(next(iter(report.failures.values())))
     (plan,) = report.plans
@@ -168,7 +169,7 @@ class Result:
 class OpenStore:
     """The finished videos of a store: ``open_store(path)["goat"]``."""
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | PurePath) -> None:
         self.store = Store.open(path, create=False)
 
     def __getitem__(self, name: str) -> Result:
@@ -203,6 +204,6 @@ class OpenStore:
         )
 
 
-def open_store(path: str | Path) -> OpenStore:
+def open_store(path: str | PurePath) -> OpenStore:
     """Open a store for reading."""
     return OpenStore(path)

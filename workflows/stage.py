@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Generic, Literal, TypeVar, get_type_hints
 
 import numpy as np
@@ -58,7 +58,7 @@ class Part:
     probe: Probe
     start: int
     stop: int
-    out: Path = Path()
+    out: PurePath = Path()
     facts: dict[str, Any] = field(default_factory=dict)
     networks: settings.Networks = field(default_factory=settings.Networks)
     opened: dict[str, tuple[Network, float]] = field(default_factory=dict, repr=False)

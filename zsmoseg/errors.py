@@ -20,6 +20,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from zsmoseg.remote.refusals import in_words as remote_in_words
+from zsmoseg.remote.refusals import is_remote_error
+
 
 class ZsmosegError(Exception):
     """Base of every error that is meant for users; commands print it as one line and exit with 2."""
@@ -75,6 +78,8 @@ class StageError(ZsmosegError):
 
 def in_words(error: BaseException) -> str | None:
     """What the system raised about somebody's file, in one line; None where it is an error of ours."""
+    if is_remote_error(error):
+        return remote_in_words(error)[1]
     if isinstance(error, OSError):
         named = [str(name) for name in (error.filename, error.filename2) if name is not None]
         what = error.strerror or str(error) or type(error).__name__

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from zsmoseg.remote.url import local_folder
 from zsmoseg.workflows.cli.common import OUT, store_option, store_path
 from zsmoseg.workflows.cli.run import (
     cue_options,
@@ -16,7 +17,6 @@ from zsmoseg.workflows.cli.run import (
     setting_options,
 )
 from zsmoseg.workflows.evaluate.reports import REPORTS, render
-from zsmoseg.workflows.running.local_paths import local_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

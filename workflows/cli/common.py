@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from pathlib import Path
+from pathlib import Path, PurePath
 
-from zsmoseg.workflows.running.local_paths import local_folder
+from zsmoseg.remote.url import folder
 
 OUT = "zsmoseg-out"
 
@@ -16,18 +16,18 @@ def store_option(parser: argparse.ArgumentParser) -> None:
     """``--store``."""
     parser.add_argument(
         "--store",
-        type=local_folder,
+        type=folder,
         default=None,
-        help="the store (default: $ZSMOSEG_STORE, or zsmoseg-store beside the output folder)",
+        help="the store, a folder or s3://bucket/name (default: $ZSMOSEG_STORE, or zsmoseg-store beside the output folder)",
     )
 
 
-def store_path(given: Path | None, out: Path | None = None) -> Path:
+def store_path(given: PurePath | None, out: PurePath | None = None) -> PurePath:
     """The store that is meant."""
     if given is not None:
         return given
     if os.environ.get("ZSMOSEG_STORE"):
-        return local_folder(os.environ["ZSMOSEG_STORE"])
+        return folder(os.environ["ZSMOSEG_STORE"])
     return (out or Path(OUT)).parent / "zsmoseg-store"
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from zsmoseg.remote.url import local_folder
 from zsmoseg.workflows.cli.common import store_option, store_path
-from zsmoseg.workflows.running.local_paths import local_folder
 
 FPS = 25
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zsmoseg.metrics.protocols import DEFAULTS, PROTOCOLS, Rules
+from zsmoseg.remote.url import local_folder
 from zsmoseg.workflows.cli.run import positive
 from zsmoseg.workflows.evaluate.reports import REPORTS, render
-from zsmoseg.workflows.running.local_paths import local_folder
 
 if TYPE_CHECKING:
     from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
@@ -24,7 +24,7 @@ def options(parser: argparse.ArgumentParser) -> None:
         "predictions",
         nargs="+",
         metavar="[NAME=]PREDICTION",
-        help="a store, an output folder of zsmoseg run, or a folder with SEQUENCE/*.png, SEQUENCE.npz or .npy",
+        help="a store (also by URL), an output folder of zsmoseg run, or a folder with SEQUENCE/*.png, SEQUENCE.npz or .npy",
     )
     add("--truth", type=Path, required=True, metavar="DATASET", help="root of a dataset, or its annotations")
     add(

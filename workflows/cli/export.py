@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
+from zsmoseg.remote.url import local_folder
 from zsmoseg.workflows.cli.common import store_option, store_path
 from zsmoseg.workflows.export.registry import FORMATS, taking
-from zsmoseg.workflows.running.local_paths import local_folder
 
 
 def options(parser: argparse.ArgumentParser) -> None:

@@ -11,8 +11,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from zsmoseg.remote.url import folder
 from zsmoseg.workflows.cli.common import OUT, store_option, store_path
-from zsmoseg.workflows.running.local_paths import local_folder
 
 if TYPE_CHECKING:
     from zsmoseg.workflows.running.request import Request
@@ -21,8 +21,19 @@ if TYPE_CHECKING:
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``run``."""
     add = parser.add_argument
-    add("sources", nargs="+", metavar="SOURCE", help="video file, folder of frames, glob, or dataset folder")
-    add("-o", "--out", type=local_folder, default=Path(OUT), help=f"output folder (default: {OUT})")
+    add(
+        "sources",
+        nargs="+",
+        metavar="SOURCE",
+        help="video file, folder of frames, glob, or dataset folder; a path or a URL",
+    )
+    add(
+        "-o",
+        "--out",
+        type=folder,
+        default=Path(OUT),
+        help=f"output folder, or s3://bucket/name (default: {OUT})",
+    )
     store_option(parser)
     add("--groups", metavar="auto|K", help="number of groups, the static one included (groups.count)")
     setting_options(parser)

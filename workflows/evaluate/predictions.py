@@ -11,7 +11,8 @@ from zsmoseg.datasets import Truth
 from zsmoseg.datasets.label_folders import label_files
 from zsmoseg.errors import FormatError, SettingsError, StoreError
 from zsmoseg.formats.label_images import read_labels
-from zsmoseg.stores.location import MARK
+from zsmoseg.remote.url import URL, place
+from zsmoseg.stores.location import MARK, Store
 from zsmoseg.workflows.evaluate.array_frames import ARRAYS, Labels, Read, array_rows, open_volume, reader
 
 Kind = Literal["group", "instance"]
@@ -27,7 +28,7 @@ class Prediction:
     """
 
     name: str
-    path: Path
+    path: Path | URL
     kind: Kind = "group"
     run: str | None = None
 
@@ -83,7 +84,7 @@ class Prediction:
 
     def _place(self, sequence: str) -> Path | None:
         """The folder or file with the masks of a sequence, ``None`` for a store."""
-        if (self.path / MARK).is_file():
+        if isinstance(self.path, URL) or (self.path / MARK).is_file():
             from zsmoseg.workflows.result import open_store
 
             if sequence not in list(open_store(self.path)):
@@ -139,21 +140,29 @@ def named_predictions(arguments: Sequence[str], kind: Kind) -> list[Prediction]:
     """
     given = [_split(argument) for argument in arguments]
     for _, path in given:
+        if isinstance(path, URL):
+            Store.open(path, create=False)
+            continue
         if not path.is_dir():
             raise FormatError(f"{path}: is no folder of masks and no store")
         if not any(path.iterdir()):
             raise FormatError(f"{path}: is empty")
-    ends = [path.resolve().parts for name, path in given if not name]
-    names = [name or _shortest_end(path.resolve().parts, ends) for name, path in given]
+    ends = [_parts(path) for name, path in given if not name]
+    names = [name or _shortest_end(_parts(path), ends) for name, path in given]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise SettingsError(f"two predictions are called {twice!r}; name them NAME=PATH")
     return [Prediction(name, path, kind) for name, (_, path) in zip(names, given, strict=True)]
 
 
-def _split(argument: str) -> tuple[str, Path]:
+def _split(argument: str) -> tuple[str, Path | URL]:
     name, sign, path = argument.partition("=")
-    return ("", Path(argument)) if not sign or "/" in name or Path(argument).exists() else (name, Path(path))
+    whole = not sign or "/" in name or Path(argument).exists()
+    return ("", place(argument)) if whole else (name, place(path))
+
+
+def _parts(path: Path | URL) -> tuple[str, ...]:
+    return path.parts if isinstance(path, URL) else path.resolve().parts
 
 
 def _shortest_end(parts: tuple[str, ...], others: Sequence[tuple[str, ...]]) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 
 from zsmoseg.errors import SpaceError
 from zsmoseg.networks.contract import Contract
 from zsmoseg.networks.references import contract_at
+from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
 
@@ -69,13 +69,10 @@ def _measured(plan: VideoPlan, stage: StagePlan) -> tuple[float, float] | None:
     return seconds / scale, size / scale
 
 
-def refuse_full_disk(store: Path, guess: Estimate) -> None:
+def refuse_full_disk(store: PurePath, guess: Estimate) -> None:
     """Raise ``SpaceError`` where the plan will not fit."""
-    place = store.absolute()
-    while not place.exists():
-        place = place.parent
-    free = shutil.disk_usage(place).free
-    if guess.size + RESERVE > free:
+    free = files.free(store)
+    if free is not None and guess.size + RESERVE > free:
         raise SpaceError(
             f"{store}: the run needs about {guess.size / 1e6:.0f} MB, {free / 1e6:.0f} MB are free; "
             "free some, or give a store on another disk (--store)"

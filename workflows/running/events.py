@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from zsmoseg.errors import OutputError, in_words
+from zsmoseg.stores import files
 from zsmoseg.workflows.planning.estimate import Estimate
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.jobs import Outcome
@@ -74,7 +75,7 @@ class Events:
         """One video is finished."""
         told = ("frames", "objects", "moving_groups", "moving_pixels_percent", "warnings")
         about = {name: summary[name] for name in told} if summary else {}
-        self._write("finished", video=plan.name, out=str(plan.output.path.absolute()), **about)
+        self._write("finished", video=plan.name, out=files.absolute(plan.output.path), **about)
         self.watcher.finished(plan, summary)
 
     def failed(self, name: str, message: str) -> None:

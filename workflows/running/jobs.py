@@ -92,7 +92,7 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
 def _run(job: Job) -> Outcome:
     from zsmoseg.settings import Networks, Settings
     from zsmoseg.stores.checks import part_problem
-    from zsmoseg.stores.files import full_disk_in_words
+    from zsmoseg.stores.files import errors_in_words, folder
     from zsmoseg.stores.location import Store
     from zsmoseg.video.probe import Probe
     from zsmoseg.workflows.running.trust import refuse_changed
@@ -108,7 +108,7 @@ def _run(job: Job) -> Outcome:
         Probe.from_json(looked),
         job.start,
         job.stop,
-        Path(job.out),
+        folder(job.out) if stage.output else Path(),
         networks=Networks.model_validate(dict(job.networks)),
     )
     artifact = store.artifact(job.video, job.stage, job.key)
@@ -117,7 +117,7 @@ def _run(job: Job) -> Outcome:
     sections = stage.chosen(Settings.model_validate(dict(job.settings)))
     left = stage.task(part, _inputs(job, stage, store), sections)
     if stage.output:
-        with full_disk_in_words(Path(job.out)):
+        with errors_in_words(part.out):
             list(left)
         refuse_changed(job.promise, job.stage, part, sections, store)
         return Outcome("done", time.process_time() - clock, peak_memory_mb(), part.facts)

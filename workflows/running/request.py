@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
 from traceback import format_exception
 from typing import Any, Protocol
 
@@ -45,8 +45,8 @@ class Request:
     """What a user asked for."""
 
     sources: Sequence[str]
-    out: Path = Path("zsmoseg-out")
-    store: Path = Path("zsmoseg-store")
+    out: PurePath = Path("zsmoseg-out")
+    store: PurePath = Path("zsmoseg-store")
     settings: Settings = field(default_factory=Settings)
     scheduler: Any = "local"
     workers: int | None = None

@@ -14,6 +14,7 @@ from zsmoseg.errors import (
     system_errors_in_words,
 )
 from zsmoseg.networks.session import chosen_provider
+from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import RunRecord
 from zsmoseg.video.probe import Excerpt, probe
@@ -30,7 +31,6 @@ from zsmoseg.workflows.running.artifacts import plans_record, prepare, seal_vide
 from zsmoseg.workflows.running.choosing import Named, choose, nothing_left
 from zsmoseg.workflows.running.executors import Executor, make_executor
 from zsmoseg.workflows.running.jobs import Job, Outcome
-from zsmoseg.workflows.running.local_paths import local_folder
 from zsmoseg.workflows.running.request import Failure, Quiet, Report, Request, Watcher
 from zsmoseg.workflows.running.trust import promised
 from zsmoseg.workflows.running.workers import Needs
@@ -115,7 +115,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     """
     watcher = watcher or Quiet()
     with system_errors_in_words():
-        place, _ = local_folder(request.store), local_folder(request.out)
+        place, _ = files.folder(request.store), files.folder(request.out)
         found = found_in(request)
         store = Store.open(place, create=True)
         plans, failures = make_plans(request, store, found)
@@ -162,10 +162,10 @@ def _compute(
         return
     small = request.scheduler == "local" and seconds < SMALL
     outs = [
-        str(plan.output.path.absolute()) for plan in busy if any(s.stage.output for s in plan.stages.values())
+        files.absolute(plan.output.path) for plan in busy if any(s.stage.output for s in plan.stages.values())
     ]
     needs = Needs.of(
-        store.path.absolute(), record.path.absolute(), [plan.probe.source for plan in busy], outs
+        files.absolute(store.path), files.absolute(record.path), [plan.probe.source for plan in busy], outs
     )
     executor = make_executor(
         "serial" if small else request.scheduler,
@@ -274,7 +274,7 @@ def jobs(
         for part in stage.todo:
             start, stop = stage.parts[part]
             job = Job(
-                str(request.store.absolute()),
+                files.absolute(request.store),
                 plan.video,
                 name,
                 stage.key,
@@ -284,7 +284,7 @@ def jobs(
                 plan.stages["frames"].key,
                 stage.settings,
                 stage.inputs,
-                str(plan.output.path.absolute()),
+                files.absolute(plan.output.path),
                 plan.graph,
                 networks,
                 bool(stage.models),
@@ -312,8 +312,8 @@ def _finish(plan: VideoPlan, request: Request, report: Report, watcher: Watcher)
 def dry_run(request: Request) -> list[str]:
     """The plan in words; nothing is written."""
     with system_errors_in_words():
-        store = Store(local_folder(request.store))
-        if store.path.exists():
+        store = Store(files.folder(request.store))
+        if files.exists(store.path):
             store = Store.open(request.store, create=False)
         found = found_in(request)
         plans, failures = make_plans(request, store, found)

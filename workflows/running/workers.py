@@ -7,13 +7,14 @@ import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any, TypeVar
 
 from zsmoseg import __version__
 from zsmoseg.errors import ClusterError, in_words
+from zsmoseg.stores import files
 
 T = TypeVar("T")
 SHOWN = 4
@@ -42,19 +43,24 @@ class Needs:
     out: Sequence[str]
 
     @classmethod
-    def of(cls, store: Path, record: Path, sources: Sequence[str], out: Sequence[str]) -> Needs:
+    def of(cls, store: str, record: str, sources: Sequence[str], out: Sequence[str]) -> Needs:
         """Of all sources a sample."""
         step = max(1, len(sources) // SOURCES)
-        return cls(str(store), str(record), tuple(sources[::step]), tuple(out[:1]))
+        return cls(store, record, tuple(sources[::step]), tuple(out[:1]))
 
 
 def look(needs: Needs) -> str | None:
-    """On a worker: what is wrong, None if nothing is.
+    """On a worker: what is wrong, None if nothing is."""
+    try:
+        return _look(needs)
+    except OSError as error:
+        return f"cannot get at the store {needs.store} ({in_words(error)})"
 
-    The record of the run must be there: a folder of the same name on another disk is no store.
-    """
+
+def _look(needs: Needs) -> str | None:
+    """The record of the run must be there: a folder of the same name on another disk is no store."""
     for _ in range(LATE):
-        if os.path.exists(needs.record):
+        if files.exists(files.folder(needs.record)):
             break
         time.sleep(1)
     else:
@@ -63,7 +69,7 @@ def look(needs: Needs) -> str | None:
         if not _readable(source):
             return f"cannot read the source {source}"
     for folder in (needs.store, *needs.out):
-        problem = _write_problem(Path(folder))
+        problem = _write_problem(files.folder(folder))
         if problem:
             return f"cannot write in {folder} ({problem})"
     return None
@@ -90,11 +96,13 @@ def _folder_of_glob(pattern: str) -> str:
     return pattern
 
 
-def _write_problem(folder: Path) -> str | None:
+def _write_problem(folder: PurePath) -> str | None:
     probe = folder / f".look-{uuid.uuid4().hex}.tmp"
+    if not files.is_folder(folder):
+        return f"{folder}: no such folder"
     try:
-        probe.write_bytes(b"")
-        probe.unlink()
+        files.write(probe, b"")
+        files.remove(probe)
     except OSError as error:
         return in_words(error)
     return None
