@@ -82,8 +82,9 @@ def first_part(laid_out: Mapping[str, Any]) -> int:
 
 def _cut_otherwise(artifact: Artifact, parts: Sequence[tuple[int, int]]) -> bool:
     """Whether records are left from a time when the artifact was cut in another way."""
-    known = [int(path.stem) for path in files.matching(artifact.path / RECORDS, "[0-9]*.json")]
-    records = [(i, record) for i in known if (record := artifact.part(i))]
+    alone = {path.stem for path in files.matching(artifact.path / RECORDS, "[0-9]*.json")}
+    known = alone.union((artifact.done or {}).get("parts", {}))
+    records = [(int(name), record) for name in known if (record := artifact.part(int(name)))]
     return any(i >= len(parts) or [record.start, record.stop] != list(parts[i]) for i, record in records)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.stores.arrays import Arrays
-from zsmoseg.stores.artifact import Artifact
+from zsmoseg.stores.artifact import ABOUT, Artifact, part_name, tables_name
 from zsmoseg.stores.beginning import begin, plan_of
 from zsmoseg.stores.fields import table, video, videos_of
+from zsmoseg.stores.inside import Folder, Memory
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.stores.sealing import seal
-from zsmoseg.stores.writer import PartWriter
+from zsmoseg.stores.writer import PartWriter, write_archive
 
 FINGERPRINT = "0123456789abcdef" * 4
 SIZE = (6, 7)
@@ -96,8 +98,17 @@ def write_part(artifact: Artifact, part: int, whole: dict[str, np.ndarray], **fa
     put_blocks(artifact, part, block_of(artifact, part, whole), **facts)
 
 
+def begin_with(
+    artifact: Artifact,
+    parts: list[tuple[int, int]],
+    description: dict[str, Any] | None = None,
+    video_arrays: Sequence[ArraySpec] = (),
+) -> None:
+    begin(artifact, plan_of(description or {}, parts, video_arrays))
+
+
 def lay_out(artifact: Artifact, frames: int = 10, length: int = 4) -> None:
-    begin(artifact, plan_of(DESCRIPTION, cut(frames, length), specs(frames)))
+    begin_with(artifact, cut(frames, length), DESCRIPTION, specs(frames))
 
 
 def seal_it(artifact: Artifact) -> None:
@@ -110,17 +121,55 @@ def make_store(root: Path) -> Store:
     return store
 
 
+def place_of(store: Store, key: str = "k0") -> Artifact:
+    return store.artifact(store.video_id("goat", FINGERPRINT), "flow", key)
+
+
 def make_artifact(
-    store: Store, key: str = "k0", frames: int = 10, length: int = 4, seed: int = 0
+    store: Store, key: str = "k0", frames: int = 10, length: int = 4, seed: int = 0, sealed: bool = True
 ) -> Artifact:
-    """Written and sealed."""
-    artifact = store.artifact(store.video_id("goat", FINGERPRINT), "flow", key)
-    begin(artifact, plan_of({**DESCRIPTION, "key": key}, cut(frames, length), specs(frames)))
+    """Written, and sealed."""
+    artifact = place_of(store, key)
+    begin_with(artifact, cut(frames, length), {**DESCRIPTION, "key": key}, specs(frames))
     whole = content(frames, seed)
     for part in range(len(artifact.parts)):
         write_part(artifact, part, whole)
-    seal_it(artifact)
+    if sealed:
+        seal_it(artifact)
     return artifact
+
+
+def make_archive(
+    store: Store,
+    key: str = "k0",
+    frames: int = 10,
+    seed: int = 0,
+    left: Callable[[Artifact, dict[str, np.ndarray]], Iterable[Arrays]] = lambda a, w: [block_of(a, 0, w)],
+    **facts: Any,
+) -> Artifact:
+    """The same as one file; ``left``: the blocks of the content."""
+    artifact, whole = place_of(store, key), content(frames, seed)
+    laid_out = plan_of({**DESCRIPTION, "key": key}, [(0, frames)], specs(frames))
+    blocks = left(replace(artifact, memory=Memory({ABOUT: laid_out})), whole)
+    write_archive(artifact, laid_out, blocks, Everything, *times(frames), lambda: facts)
+    return artifact
+
+
+# ---------------------------------------------------------------------- places
+def record_path(artifact: Artifact, name: str | int) -> Path:
+    """Of a record by its name, or of that of a part."""
+    return Folder(artifact.path).record_place(part_name(name) if isinstance(name, int) else name)
+
+
+def shard_path(artifact: Artifact, name: str, part: int) -> Path:
+    return artifact.path / artifact.shard(name, part)
+
+
+def tables_path(artifact: Artifact, part: int) -> Path:
+    return artifact.path / tables_name(part)
+
+
+# ---------------------------------------------------------------------- harm
 
 
 def delete(path: Path) -> None:

@@ -18,6 +18,7 @@ from stores_help import (
     DESCRIPTION,
     SIZE,
     Everything,
+    begin_with,
     block_of,
     content,
     cut,
@@ -26,6 +27,7 @@ from stores_help import (
     make_artifact,
     make_store,
     put_blocks,
+    record_path,
     seal_it,
     specs,
     times,
@@ -35,7 +37,7 @@ from stores_help import (
 from zsmoseg.errors import StoreError
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.stores.beginning import begin
+from zsmoseg.stores.beginning import plan_of
 from zsmoseg.stores.checks import check, part_problem
 from zsmoseg.stores.dataset import open_dataset
 from zsmoseg.stores.fields import fields_of, table
@@ -98,7 +100,7 @@ def test_zarr_reads_tables_as_they_were_written(
         t: np.ndarray = table(*dims, dtype=values.dtype.name, meaning="any")
 
     artifact = Artifact(tmp_path_factory.mktemp("table"))
-    begin(artifact, {"stage": "s"}, [(0, 3)])
+    begin_with(artifact, [(0, 3)])
     put_blocks(artifact, 0, One(start=0, stop=3, t=values))
     seal(artifact, One, *times(3))
     found = zarr.open_group(artifact.path, mode="r")["t"]
@@ -196,7 +198,7 @@ class Ragged(Arrays):
 def ragged(store: Store) -> Artifact:
     """Three blocks of one part, of 3, 4 and 3 frames; objects 0 and two of their own."""
     artifact = Artifact(store.path / "ragged")
-    begin(artifact, {"stage": "objects"}, [(0, 10)])
+    begin_with(artifact, [(0, 10)])
     with PartWriter(artifact, 0) as part:
         for k, (start, stop) in enumerate([(0, 3), (3, 7), (7, 10)]):
             ids = np.array([0, 2 * k + 1, 2 * k + 2])
@@ -259,7 +261,7 @@ def test_frames_that_no_block_knows_are_unknown(store: Store) -> None:
         valid: np.ndarray = table("pair", dtype="bool", meaning="of shots: none at the cut")
 
     artifact = Artifact(store.path / "sparse")
-    begin(artifact, {"stage": "s"}, [(0, 8)])
+    begin_with(artifact, [(0, 8)])
     blocks = [(0, 3), (5, 8)]
     put_blocks(
         artifact,
@@ -299,7 +301,7 @@ def test_a_task_that_fails_leaves_no_record(store: Store) -> None:
 
 def test_a_part_written_again_loses_what_it_had(store: Store) -> None:
     artifact = Artifact(store.path / "again")
-    begin(artifact, {"stage": "s"}, [(0, 10)])
+    begin_with(artifact, [(0, 10)])
     put_blocks(artifact, 0, Ragged(start=0, stop=10, rows=np.arange(10), seen=np.zeros(0, np.int64)))
     put_blocks(artifact, 0, Ragged(start=0, stop=10, rows=np.ones(10, np.int64)))
     assert [list(block.tables) for block in artifact.blocks(0)] == [["rows"]]
@@ -316,21 +318,27 @@ def test_an_artifact_keeps_the_layout_it_was_begun_with(store: Store) -> None:
     assert artifact.done is not None
 
 
-def test_parts_of_another_cut_never_count_when_the_description_was_lost(store: Store) -> None:
-    artifact = make_artifact(store, length=4)
-    (artifact.records / "artifact.json").unlink()
-    lay_out(artifact, length=3)
-    assert artifact.parts == cut(10, 3)
-    assert all(part_problem(artifact, part) for part in range(4))
+@pytest.mark.parametrize("sealed", [True, False])
+@pytest.mark.parametrize(("before", "after"), [(4, 3), (3, 4)])
+def test_parts_of_another_cut_never_count_when_the_description_was_lost(
+    before: int, after: int, sealed: bool, store: Store
+) -> None:
+    artifact = make_artifact(store, length=before, sealed=sealed)
+    record_path(artifact, "artifact").unlink()
+    lay_out(artifact, length=after)
+    assert artifact.parts == cut(10, after)
+    assert all(part_problem(artifact, part) for part in range(len(artifact.parts)))
     whole = content(10)
-    for part in range(4):
+    for part in range(len(artifact.parts)):
         write_part(artifact, part, whole)
     np.testing.assert_array_equal(read_video(artifact, "label", 0, 10), whole["label"])
+    seal_it(artifact)
+    assert data_files(artifact) == data_files(make_artifact(store, "k9", length=after)), "nothing is left over"
 
 
 def test_arrays_of_another_kind_start_the_artifact_anew(store: Store) -> None:
     artifact = make_artifact(store)
-    begin(artifact, DESCRIPTION, cut(10, 4), specs(10)[:2])
+    begin_with(artifact, cut(10, 4), DESCRIPTION, specs(10)[:2])
     assert set(artifact.arrays) == {"image", "forward"}
     assert part_problem(artifact, 0) == "not computed yet"
     assert artifact.done is None
@@ -339,7 +347,7 @@ def test_arrays_of_another_kind_start_the_artifact_anew(store: Store) -> None:
 @pytest.mark.parametrize("parts", [[], [(1, 4)], [(0, 4), (5, 10)], [(0, 3), (3, 10)], [(0, 4), (4, 8)]])
 def test_parts_that_do_not_tile_the_video_are_refused(parts: list[tuple[int, int]], store: Store) -> None:
     with pytest.raises(ValueError, match=r"parts|rows"):
-        begin(Artifact(store.path / "new"), {}, parts, specs(10))
+        plan_of({}, parts, specs(10))
 
 
 def test_the_same_input_gives_the_same_bytes_in_every_file(tmp_path: Path) -> None:
@@ -438,7 +446,7 @@ def test_a_spec_that_is_none_is_refused(wrong: dict) -> None:
 
 def test_ids_may_stand_in_any_order(store: Store) -> None:
     artifact = Artifact(store.path / "order")
-    begin(artifact, {}, [(0, 4)])
+    begin_with(artifact, [(0, 4)])
     blocks = [((0, 2), [5, 1], [50, 10]), ((2, 4), [1, 5, 7], [1, 5, 7])]
     put_blocks(
         artifact,
@@ -468,7 +476,7 @@ def test_a_block_whose_lengths_contradict_each_other_is_refused(
     wrong: dict[str, Any], words: str, store: Store
 ) -> None:
     artifact = Artifact(store.path / "lengths")
-    begin(artifact, {}, [(0, 4), (4, 8)])
+    begin_with(artifact, [(0, 4), (4, 8)])
     with pytest.raises(ValueError, match=words):
         put_blocks(artifact, 0, Ragged(**wrong))
     assert artifact.part(0) is None
@@ -501,7 +509,7 @@ def test_a_look_at_it_reads_nothing(store: Store) -> None:
 
 def test_two_blocks_of_the_same_frames_keep_their_ids_apart(store: Store) -> None:
     artifact = Artifact(store.path / "same")
-    begin(artifact, {}, [(0, 4)])
+    begin_with(artifact, [(0, 4)])
     ids = [np.array([1, 2]), np.array([2, 3])]
     put_blocks(artifact, 0, *(Ragged(start=0, stop=4, object=n, seen=n * 10) for n in ids))
     assert Ragged.read(artifact).seen.tolist() == [10, 40, 30]
@@ -509,7 +517,7 @@ def test_two_blocks_of_the_same_frames_keep_their_ids_apart(store: Store) -> Non
 
 def test_labels_that_do_not_fit_are_an_error(store: Store) -> None:
     artifact = Artifact(store.path / "labels")
-    begin(artifact, {"labels": {"row": ["a", "b"]}}, [(0, 4)])
+    begin_with(artifact, [(0, 4)], {"labels": {"row": ["a", "b"]}})
     put_blocks(artifact, 0, Ragged(start=0, stop=4, value=np.zeros(3, np.float32)))
     with pytest.raises(ValueError, match="2 labels for 3 of row"):
         seal(artifact, Ragged, *times(4))

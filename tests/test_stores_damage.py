@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from stores_help import (
     Everything,
+    begin_with,
     content,
     data_files,
     delete,
@@ -22,7 +23,10 @@ from stores_help import (
     make_artifact,
     make_store,
     put_blocks,
+    record_path,
     seal_it,
+    shard_path,
+    tables_path,
     truncate,
     write_part,
 )
@@ -30,7 +34,6 @@ from stores_help import (
 from zsmoseg.errors import SpaceError, StoreError
 from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
-from zsmoseg.stores.beginning import begin
 from zsmoseg.stores.checks import check, joined_problem, part_problem
 from zsmoseg.stores.dataset import open_dataset
 from zsmoseg.stores.location import Store
@@ -40,7 +43,7 @@ from zsmoseg.stores.upkeep import take_back, verify
 
 Harm = Callable[[Path], None]
 HARMS = [delete, empty, truncate, flip]
-SHARD = "label/c/1/0/0"
+SHARD = "label/c.1.0.0"
 TABLE = "records/0001.tables"
 RECORD = "records/0001.json"
 
@@ -63,7 +66,7 @@ def test_no_file_of_an_artifact_can_be_harmed_unnoticed_and_all_can_be_mended(
         found = verify(store)
         if not (harm is delete and path.name == "done.json"):
             assert found, f"{path} {harm.__name__}: not noticed"
-            lost = {path, artifact.records / "artifact.json"} & {damage.path for damage in found}
+            lost = {path, record_path(artifact, "artifact")} & {damage.path for damage in found}
             assert lost, f"{path} {harm.__name__}: not named"
         take_back(store)
         lay_out(artifact)
@@ -98,7 +101,7 @@ def test_a_flipped_bit_anywhere_in_a_shard_never_changes_a_value(
     place: float, name: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     artifact = make_artifact(make_store(tmp_path_factory.mktemp("flip")))
-    shard = artifact.shard(name, 1)
+    shard = shard_path(artifact, name, 1)
     flip(shard, int(place * shard.stat().st_size))
     found = read_or_error(artifact, name, 4, 8)
     if isinstance(found, StoreError):
@@ -161,7 +164,7 @@ def test_a_shard_of_other_content_and_equal_size_is_found_by_content(store: Stor
     """The CRC-32C of a file that ends with its own says nothing: records use another checksum."""
     one, two = Artifact(store.path / "a"), Artifact(store.path / "b")
     for artifact, value in ((one, 1), (two, 2)):
-        begin(artifact, {}, [(0, 3)])
+        begin_with(artifact, [(0, 3)])
         put_blocks(artifact, 0, Everything(start=0, stop=3, state=np.full(2, value, np.int32)))
     table = "records/0000.tables"
     (one.path / table).write_bytes((two.path / table).read_bytes())
@@ -183,7 +186,7 @@ def test_damaged_metadata_of_an_array_are_an_error_until_mended(store: Store) ->
 @pytest.mark.parametrize("harm", HARMS)
 def test_a_shard_that_was_damaged_can_be_written_again(harm: Harm, store: Store) -> None:
     artifact = make_artifact(store)
-    shard = artifact.shard("label", 2)
+    shard = shard_path(artifact, "label", 2)
     healthy = shard.read_bytes()
     harm(shard)
     write_part(artifact, 2, content(10))
@@ -194,10 +197,10 @@ def test_what_a_killed_writer_left_is_gone_when_the_part_is_written_again(store:
     artifact = make_artifact(store)
     healthy = data_files(artifact)
     artifact.invalidate([1])
-    shard = artifact.shard("image", 1)
+    shard = shard_path(artifact, "image", 1)
     shard.with_name("0.0123456789abcdef.partial").write_bytes(b"half")
     truncate(shard)
-    artifact.tables_path(1).write_bytes(b"half")
+    tables_path(artifact, 1).write_bytes(b"half")
     write_part(artifact, 1, content(10))
     seal_it(artifact)
     assert data_files(artifact) == healthy
@@ -205,11 +208,11 @@ def test_what_a_killed_writer_left_is_gone_when_the_part_is_written_again(store:
 
 def test_a_record_of_other_frames_than_the_part_has_does_not_count(store: Store) -> None:
     artifact = make_artifact(store)
-    artifact.record_path(0).write_bytes(artifact.record_path(1).read_bytes())
+    record_path(artifact, 0).write_bytes(record_path(artifact, 1).read_bytes())
     assert part_problem(artifact, 0) == "its record is damaged", "it is that of another place"
-    other = read_record(artifact.record_path(1))
+    other = read_record(record_path(artifact, 1))
     assert other is not None
-    write_record(artifact.record_path(0), other)
+    write_record(record_path(artifact, 0), other)
     assert part_problem(artifact, 0) == "the video was cut in another way"
     with pytest.raises(StoreError, match="part 0: the video was cut in another way"):
         seal_it(artifact)
@@ -253,8 +256,8 @@ def test_a_full_disk_leaves_nothing_of_the_part_and_says_so_in_one_line(
     assert "MB free" in str(caught.value)
     assert "\n" not in str(caught.value)
     assert part_problem(artifact, 1) == "not computed yet"
-    assert not artifact.tables_path(1).exists()
-    assert not any((artifact.path / name / "c" / "1").exists() for name in artifact.arrays)
+    assert not tables_path(artifact, 1).exists()
+    assert not any(shard_path(artifact, name, 1).exists() for name in artifact.arrays)
     write_part(artifact, 1, content(10))
     seal_it(artifact)
     assert check(artifact, deep=True) == []
@@ -278,7 +281,7 @@ def test_a_disk_that_is_full_when_a_shard_is_written_leaves_no_shard(
         patch.setattr(LocalStore, "set", fail)
         with pytest.raises(SpaceError, match="no space left"):
             write_part(artifact, 1, content(10))
-    assert not (artifact.path / "image" / "c" / "1").exists()
+    assert not shard_path(artifact, "image", 1).exists()
     assert artifact.part(1) is None
     assert part_problem(artifact, 0) is None
 
@@ -294,7 +297,7 @@ def test_a_full_disk_is_said_in_words_wherever_it_strikes(
     steps: dict[str, Callable[[], object]] = {
         "record": lambda: write_part(artifact, 1, content(10)),
         "seal": lambda: seal_it(artifact),
-        "begin": lambda: begin(Artifact(store.path / "other"), {}, [(0, 3)]),
+        "begin": lambda: begin_with(Artifact(store.path / "other"), [(0, 3)]),
     }
     with monkeypatch.context() as patch:
         patch.setattr(Path, "replace", _no_space)
