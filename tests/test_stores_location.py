@@ -26,7 +26,7 @@ from zsmoseg.stores.location import Store
 from zsmoseg.stores.reader import read_video
 from zsmoseg.stores.records import read_record, write_record
 from zsmoseg.stores.runs import RunRecord, forget_run, list_runs, read_run
-from zsmoseg.stores.upkeep import garbage, remove_garbage, verify
+from zsmoseg.stores.upkeep import garbage, remove_garbage, take_back, verify
 
 Harm = Callable[[Path], None]
 HARMS = [delete, empty, truncate, flip]
@@ -261,6 +261,9 @@ def test_gc_removes_nothing_while_it_does_not_know_what_a_run_reaches(harm: Harm
         garbage(store)
     assert [damage.path.name for damage in verify(store)] == [f"{run}.json"]
     assert len(garbage(store, [run]).paths) == 1
+    take_back(store)
+    assert verify(store) == [], "repair drops the record"
+    assert len(garbage(store).paths) == 1
 
 
 def test_gc_refuses_a_run_that_is_none(store: Store) -> None:
