@@ -322,10 +322,12 @@ def remove(path: Path) -> None:
 
 
 def leftovers(path: Path, everywhere: bool = True) -> list[Path]:
-    """Unfinished files in a folder (and below it: ``everywhere``) that are old enough to be nobody's."""
+    """Unfinished files and leases in a folder (and below it: ``everywhere``) that are old enough to be nobody's."""
     oldest = time.time() - STALE
     walk = path.rglob if everywhere else path.glob
-    found = [file for end in ("partial", "tmp") for file in walk(f"*.{end}") if not file.is_symlink()]
+    found = [
+        file for end in ("partial", "tmp", "lease") for file in walk(f"*.{end}") if not file.is_symlink()
+    ]
     old = [file for file in found if (seen := signature(file)) and seen[0] / 1e9 < oldest]
     return sorted(file for file in old if file.is_file())
 

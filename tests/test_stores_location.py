@@ -284,13 +284,15 @@ def test_leftovers_go_only_when_they_are_old(store: Store) -> None:
     old = [
         leave(store.runs / ".a.json.12.tmp", 4000),
         leave(artifact.path / "label" / "c" / "0" / "0" / "0.34.partial", 4000),
+        leave(artifact.records / "seal.lease", 4000),
     ]
+    leave(artifact.records / "0000.lease", 60)
     young = leave(artifact.path / "label" / "c" / "0" / "0" / "0.56.partial", 60)
     assert sorted(garbage(store).paths) == sorted(old)
     Store.open(store.path, create=False)
     assert all(p.exists() for p in old)
     Store.open(store.path, create=True)
-    assert [p.exists() for p in old] == [False, True]
+    assert [p.exists() for p in old] == [False, True, True]
     artifact.invalidate([1])
     begin(artifact, {"stage": "flow", "key": "k1", "settings": {}}, artifact.parts, specs(10))
     assert [p.exists() for p in (old[1], young)] == [False, True]
