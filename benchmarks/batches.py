@@ -18,13 +18,9 @@ import numpy as np
 import zsmoseg
 from zsmoseg.synthetic import video_scene
 
-COMMAND = """
-import sys
-from zsmoseg.workflows.running import run
-run.SMALL = 0.0  # --scheduler local means a cluster, however little there is to do
-from zsmoseg.workflows.cli import main
-sys.exit(main(sys.argv[1:]))
-"""
+COMMAND = "import sys; from zsmoseg.workflows.cli import main; sys.exit(main())"
+CLUSTER = f"from zsmoseg.workflows.running import run; run.SMALL = 0.0; {COMMAND}"
+"""``--scheduler local`` means a cluster, however little there is to do."""
 FINISHED = re.compile(r"/records/\d+\.json$|\.zip$")
 """Files of a store that say, once they are there, that a part is finished."""
 UNFINISHED = re.compile(r"\.(tmp|partial|lease)$")
@@ -43,9 +39,9 @@ def write_batch(folder: Path, videos: int, frames: int = 12, shape: tuple[int, i
     return [str(folder)]
 
 
-def start(words: Iterable[str], told: Path) -> subprocess.Popen[bytes]:
+def start(words: Iterable[str], told: Path, command: str = COMMAND) -> subprocess.Popen[bytes]:
     """``zsmoseg`` with ``words``, in a process of its own; what it prints goes to ``told``."""
-    return python(["-c", COMMAND, *words], told)
+    return python(["-c", command, *words], told)
 
 
 def python(words: Sequence[str], told: Path) -> subprocess.Popen[bytes]:

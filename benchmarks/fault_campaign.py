@@ -9,7 +9,7 @@ SIGKILL, ``interrupt`` is Ctrl-C. Most come in the middle of the work, the other
 
 A failure is: a command that does not end, ends with a code or words that do not fit what was killed, or with a traceback; a
 finished part that was written again; at the end arrays, masks or tables that differ from those of an undisturbed run in a bit,
-a finding of ``verify``, a lease, a process that outlived its run, an unfinished file that the next run and ``gc`` do not take away
+a finding of ``verify``, a process that outlived its run, an unfinished file or lease that the next run and ``gc`` do not take away
 an hour later. The exit code is 1 if there is one.
 """
 
@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import psutil
-from batches import differences, events, finished, results, start, unfinished, write_batch
+from batches import CLUSTER, differences, events, finished, results, start, unfinished, write_batch
 from killable import CLUSTERS, Local, Serial, children
 
 from zsmoseg.stores.location import Store
@@ -114,7 +114,7 @@ class Batch:
         """One command, from its start to its end or death."""
         cluster.restore()
         words = self._words(cluster)
-        client = start(words, self.told)
+        client = start(words, self.told, CLUSTER)
         try:
             while self._due(client, cluster):
                 self._kill(client, cluster)
@@ -204,11 +204,9 @@ class Batch:
         self.tally.fail(self.name, "end", text)
 
     def _clear(self) -> None:
-        """Leases are gone; unfinished files go by themselves an hour later: with the next run, and with ``gc``."""
+        """What is left of killed processes goes an hour later, with the next run or with ``gc``; nothing is to be computed."""
         places = [self.store, str(self.place / "out")]
         for path in unfinished(*places):
-            if path.endswith(".lease"):
-                self.fail_at_end(f"{path}: is left")
             if "://" not in path:
                 os.utime(path, (1, 1))
         again, told = self._words(Serial(self.place)), self.place / "again.txt"
