@@ -6,11 +6,15 @@ import hashlib
 import json
 import os
 import re
+import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+from urllib.request import Request, urlopen
 
 import cv2
 import numpy as np
@@ -52,12 +56,35 @@ def python(words: Sequence[str], told: Path) -> subprocess.Popen[bytes]:
     told.parent.mkdir(parents=True, exist_ok=True)
     with told.open("ab") as file:
         return subprocess.Popen(
-            [sys.executable, *words],
+            [sys.executable, "-P", *words],
             env={**os.environ, **single, "PYTHONPATH": paths},
             stdin=subprocess.DEVNULL,
             stdout=file,
             stderr=subprocess.STDOUT,
         )
+
+
+@contextmanager
+def bucket(told: Path) -> Iterator[str]:
+    """The URL of an empty bucket on an S3 server (moto) in a process of its own; the environment says where it is."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server, address = (
+        python(["-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)], told),
+        f"http://127.0.0.1:{port}",
+    )
+    os.environ |= {"AWS_ENDPOINT": address, "AWS_ACCESS_KEY_ID": "x", "AWS_SECRET_ACCESS_KEY": "x", "AWS_REGION": "us-east-1",
+                   "AWS_ALLOW_HTTP": "true"}  # fmt: skip
+    try:
+        for _ in range(300):
+            with suppress(OSError), urlopen(Request(f"{address}/campaign", method="PUT")):
+                break
+            time.sleep(0.1)
+        yield "s3://campaign"
+    finally:
+        server.kill()
+        server.wait()
 
 
 def events(path: Path) -> Iterator[dict[str, Any]]:

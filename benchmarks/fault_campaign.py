@@ -1,7 +1,7 @@
 """Workers, scheduler and client are killed at random while a batch runs; the same command goes on until all is done.
 
     python benchmarks/fault_campaign.py OUT [--kills 300] [--seed 0] [--clusters local separate serial]
-        [--source FOLDER ... --set frames.width=128] [--store s3://bucket/prefix]
+        [--source FOLDER ... --set frames.width=128] [--store moto]
 
 OUT is an empty folder. A batch is ten tiny clips, or what ``--source`` names. ``local`` is the cluster of ``zsmoseg run``,
 ``separate`` a scheduler and workers of their own, which are started again when they die; ``serial`` has a client only. Kills are
@@ -23,11 +23,12 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import psutil
-from batches import CLUSTER, differences, events, finished, results, start, unfinished, write_batch
+from batches import CLUSTER, bucket, differences, events, finished, results, start, unfinished, write_batch
 from killable import CLUSTERS, Local, Serial, children
 
 from zsmoseg.stores.location import Store
@@ -84,15 +85,18 @@ class Batch:
     done: dict[str, str] = field(default_factory=dict)
     processes: set[psutil.Process] = field(default_factory=set)
 
-    def go(self) -> None:
-        """Start the command again until it says that all is done."""
+    def go(self) -> bool:
+        """Start the command again until it says that all is done; False where it fails though nothing was killed."""
         self.place.mkdir()
         cluster = CLUSTERS[self.name](self.place)
         try:
             while self._command(cluster) != 0:
+                if not self.killed:
+                    return False
                 assert self.starts < STARTS, f"{self.place}: {STARTS} starts and not done"
         finally:
             cluster.close()
+        return True
 
     @property
     def told(self) -> Path:
@@ -243,8 +247,15 @@ def main() -> int:
     add("--source", nargs="+")
     add("--videos", type=int, default=10, help="clips of the synthetic batch")
     add("--set", action="append", default=["chunk.length=4", "overlay.write=false"])
-    add("--store", help="URL below which the stores go (default: OUT)")
+    add("--store", help="URL below which the stores go, or moto: an S3 server of its own (default: OUT)")
     given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    with bucket(given.out / "server.txt") if given.store == "moto" else nullcontext(given.store) as url:
+        return run_all(given, url)
+
+
+def run_all(given: argparse.Namespace, url: str | None) -> int:
+    """All batches, and the table; ``url``: where the stores are, if not in OUT."""
     clock, root = time.monotonic(), given.out.absolute()
     sources = given.source or write_batch(root / "clips", given.videos)
     words = [*sources, *(word for text in given.set for word in ("--set", text))]
@@ -254,9 +265,10 @@ def main() -> int:
     draw, number, most = random.Random(given.seed), 0, min(A_BATCH, -(-given.kills // len(given.clusters)))
     while (left := given.kills - tally.kills.total()) > 0:
         name, place = given.clusters[number % len(given.clusters)], root / f"{number:04d}"
-        store = f"{given.store}/{number:04d}" if given.store else str(place / "store")
+        store = f"{url}/{number:04d}" if url else str(place / "store")
         batch = Batch(name, place, store, words, random.Random(draw.random()), tally, min(left, most))
-        batch.go()
+        if not batch.go():
+            break
         batch.check(expected)
         tally.batches[name] += 1
         print(f"batch {number}: {name}, {batch.starts} starts, {tally.kills.total()} kills", flush=True)
