@@ -157,7 +157,12 @@ class Output:
         self.remove_others([*keep, *contents])
 
     def remove_others(self, keep: Iterable[str]) -> None:
-        """Remove the files of ours that are not among ``keep``; what lies behind a link is no longer ours."""
+        """Remove the files of ours that are not among ``keep``; what lies behind a link is no longer ours.
+
+        What killed runs left unfinished goes too, when it is old enough to be nobody's.
+        """
+        for leftover in files.leftovers(self.path):
+            files.remove(leftover)
         kept = set(keep)
         for name in [n for n in self.files if n not in kept]:
             with suppress(OutputError):

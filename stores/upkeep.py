@@ -112,7 +112,10 @@ def _verify(store: Store, deep: bool) -> list[Damage]:
 
 
 def take_back(store: Store, deep: bool = True) -> list[Damage]:
-    """As ``verify``; the next run redoes the parts that are damaged, and mends the rest by itself."""
+    """As ``verify``; the next run redoes the parts that are damaged, and mends the rest by itself.
+
+    Records of runs that cannot be read are dropped: what they alone reached is garbage from then on.
+    """
     found = _verify(store, deep)
     for damage in found:
         place = damage.path.relative_to(store.path).parts
@@ -120,6 +123,8 @@ def take_back(store: Store, deep: bool = True) -> list[Damage]:
             artifact = store.artifact(*place[:3])
             artifact.unseal()
             artifact.invalidate([] if damage.part is None else [damage.part])
+        elif damage.path.parent == store.runs:
+            files.remove(damage.path)
     for output, damages in known_outputs(store):
         if output.listed and not output.foreign:
             output.forget([damage.path.relative_to(output.path).as_posix() for damage in damages])

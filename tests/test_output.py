@@ -95,6 +95,16 @@ def test_a_run_with_nothing_to_do_reads_no_file_that_nobody_touched(
     assert counter.parts == []
 
 
+def test_what_killed_runs_left_unfinished_goes_with_a_later_run_when_it_is_old(root: Path) -> None:
+    old, new = (root / "out" / "disc" / place / f".{'0' * 32}.tmp" for place in ("masks", "objects"))
+    for path in (old, new):
+        path.write_bytes(b"half")
+    os.utime(old, (1, 1))
+    segment(root / "disc", root)
+    assert not old.exists()
+    assert new.exists(), "somebody may be writing it"
+
+
 def test_a_lost_list_is_made_again_and_nothing_but_the_files_is(root: Path) -> None:
     out = root / "out" / "disc"
     before = masks(out)

@@ -26,7 +26,7 @@ from zsmoseg.stores.location import Store
 from zsmoseg.stores.reader import read_video
 from zsmoseg.stores.records import read_record, write_record
 from zsmoseg.stores.runs import Entry, RunRecord, entry_paths, forget_run, list_runs, read_run
-from zsmoseg.stores.upkeep import garbage, remove_garbage, verify
+from zsmoseg.stores.upkeep import garbage, remove_garbage, take_back, verify
 
 Harm = Callable[[Path], None]
 HARMS = [delete, empty, truncate, flip]
@@ -264,6 +264,9 @@ def test_gc_removes_nothing_while_it_does_not_know_what_a_run_reaches(harm: Harm
         garbage(store)
     assert {damage.path.name for damage in verify(store)} == {f"{run}.json", path.name}
     assert len(garbage(store, [run]).paths) == 1
+    take_back(store)
+    assert verify(store) == [], "repair drops the record"
+    assert len(garbage(store).paths) == 1
 
 
 def test_gc_refuses_a_run_that_is_none(store: Store) -> None:
@@ -284,13 +287,15 @@ def test_leftovers_go_only_when_they_are_old(store: Store) -> None:
     old = [
         leave(store.runs / ".a.json.12.tmp", 4000),
         leave(artifact.path / "label" / "c" / "0" / "0" / "0.34.partial", 4000),
+        leave(artifact.records / "seal.lease", 4000),
     ]
+    leave(artifact.records / "0000.lease", 60)
     young = leave(artifact.path / "label" / "c" / "0" / "0" / "0.56.partial", 60)
     assert sorted(garbage(store).paths) == sorted(old)
     Store.open(store.path, create=False)
     assert all(p.exists() for p in old)
     Store.open(store.path, create=True)
-    assert [p.exists() for p in old] == [False, True]
+    assert [p.exists() for p in old] == [False, True, True]
     artifact.invalidate([1])
     begin(artifact, {"stage": "flow", "key": "k1", "settings": {}}, artifact.parts, specs(10))
     assert [p.exists() for p in (old[1], young)] == [False, True]

@@ -284,7 +284,7 @@ def remove(path: PurePath) -> None:
 
 
 def leftovers(path: PurePath, everywhere: bool = True) -> list[PurePath]:
-    """Unfinished files in a folder (and below it: ``everywhere``) that are old enough to be nobody's."""
+    """Unfinished files and leases in a folder (and below it: ``everywhere``) that are old enough to be nobody's."""
     return on(path).leftovers(path, everywhere)
 
 

@@ -252,10 +252,14 @@ def remove(path: PurePath) -> None:
         Path(path).unlink(missing_ok=True)
 
 
+LEFT = ("partial", "tmp", "lease")
+"""Ends of the names of what killed runs leave."""
+
+
 def leftovers(path: PurePath, everywhere: bool = True) -> list[PurePath]:
     oldest = time.time() - STALE
     walk = Path(path).rglob if everywhere else Path(path).glob
-    found = [file for end in ("partial", "tmp") for file in walk(f"*.{end}") if not file.is_symlink()]
+    found = [file for end in LEFT for file in walk(f"*.{end}") if not file.is_symlink()]
     old = [file for file in found if (seen := signature(file)) and seen.modified / 1e9 < oldest]
     return sorted(file for file in old if file.is_file())
 

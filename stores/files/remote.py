@@ -129,7 +129,11 @@ def remove(path: PurePath) -> None:
 
 
 def leftovers(path: PurePath, everywhere: bool = True) -> list[PurePath]:
-    return []
+    # a file appears whole or not at all: only leases are left
+    oldest = (time.time() - STALE) * 1e9
+    found = listing(path).items()
+    old = [name for name, seen in found if name.endswith(".lease") and seen.modified < oldest]
+    return [path / name for name in sorted(old) if everywhere or "/" not in name]
 
 
 def create(path: PurePath, content: bytes) -> Stat | None:

@@ -65,6 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"zsmoseg: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        if arguments is None:  # once more, while Dask lets go of its processes: at once, and without a word
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
         print("zsmoseg: interrupted; what was finished is kept", file=sys.stderr)
         return 130
     except BrokenPipeError:

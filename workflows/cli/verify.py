@@ -22,7 +22,10 @@ def main(options: argparse.Namespace) -> int:
     for damage in damages:
         print(f"{damage.path}: {damage.what}")
     if damages:
-        print(f"{len(damages)} problems; zsmoseg repair, then the same zsmoseg run command again, mends them")
+        print(
+            f"{len(damages)} problems; zsmoseg repair, then the same zsmoseg run command again, mends them; zsmoseg gc "
+            "removes those that no run reaches"
+        )
     else:
         print(f"{store.path}: every file is as it was written")
     return 1 if damages else 0

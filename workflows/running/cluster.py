@@ -26,6 +26,8 @@ TICK = 1.0
 """Seconds from one look at the cluster to the next while no result comes."""
 LOOK = 5.0
 """Seconds from one look at the cluster to the next while results come."""
+LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
+"""They print tracebacks of what the run says in a line. Dask gives some of them a level of their own when it is imported."""
 CLOSING = 5.0
 """Seconds to let go of a cluster that may be gone."""
 AGAIN = "what was finished is kept; mend the cluster and run the same command again"
@@ -75,7 +77,7 @@ class Dask:
 
     # ------------------------------------------------------------------ in and out
     def __enter__(self) -> Self:
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        _silence(logging.CRITICAL)
         try:
             self._connect()
             self._assemble()
@@ -87,8 +89,7 @@ class Dask:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for name in ("distributed", "tornado", "asyncio"):
-            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        _silence(logging.CRITICAL + 1)
         left, self._futures = list(self._futures.values()), {}
         if self._client is not None:
             if kind is not None and left:
@@ -294,6 +295,13 @@ def _death(error: BaseException) -> str:
         if type(error).__name__ == "KilledWorker"
         else f"{type(error).__name__}: {error}"
     )
+
+
+def _silence(level: int) -> None:
+    import distributed  # noqa: F401
+
+    for name in LOGGERS:
+        logging.getLogger(name).setLevel(level)
 
 
 def _quietly(close: Callable[[], Any]) -> None:

@@ -30,7 +30,7 @@ def start(workers: int | None, stack: ExitStack) -> Any:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN) if _main_thread() else None
     stack.enter_context(dask.config.set(configuration()))  # workers that are started again read it too
     try:
-        return LocalCluster(
+        made = LocalCluster(
             n_workers=cores(workers),
             threads_per_worker=1,
             processes=True,
@@ -39,6 +39,10 @@ def start(workers: int | None, stack: ExitStack) -> Any:
             worker_dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         )
+        made.shutdown_on_close = (
+            False  # we close it; at exit Dask would try once more, and print what Ctrl-C does to that
+        )
+        return made
     except Exception as error:
         raise ClusterError(
             f"the local cluster did not start ({' '.join(str(error).split()) or type(error).__name__}): a worker died "
