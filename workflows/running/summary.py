@@ -16,7 +16,7 @@ from zsmoseg.stores.output import STATES, SUMMARY
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
-from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
+from zsmoseg.workflows.stages.motion.groups import Groups
 from zsmoseg.workflows.stages.proposed.objects import object_names
 
 T = TypeVar("T", bound=Arrays)
@@ -42,6 +42,8 @@ def states(plan: VideoPlan) -> str:
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow(["frame", "name", "seconds", "object", "instance", "group", "moving", "margin"])
     for state in groups.blocks():
+        if not state.has("moving"):
+            continue
         seen = labels.of(state.start, state.stop)
         for frame, area in enumerate(seen.area, start=state.start):
             for n in seen.object[area > 0]:
@@ -71,7 +73,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     group, area, frames = found.group, found.area, len(plan.probe.times)
     described = plan.stages["objects"].artifact
     names = object_names(described) if described is not None and "detections" in plan.stages else []
-    moving, visibility = moving_objects(found, 0, frames), _read(plan, "affinity", Affinity).visibility
+    visibility = _read(plan, "affinity", Affinity).visibilities(len(group))
     return {
         "zsmoseg": __version__,
         "source": plan.source,
@@ -90,7 +92,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
                 "group": int(group[n]),
                 "instance": int(found.instance[n]),
                 "frames": int(found.frames[n]),
-                "frames_moving": int(moving[:, n].sum()),
+                "frames_moving": int(found.frames_moving[n]),
                 "pixels": int(area[n]),
                 "excess_px": _known(found.excess[n]),
                 "tolerance_px": _known(found.tolerance[n]),
