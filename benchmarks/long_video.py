@@ -13,54 +13,26 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
 from zsmoseg.settings import resolve
+from zsmoseg.synthetic.street import street
 from zsmoseg.workflows.running import executors
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import run
 
-HEIGHT, WIDTH = 48, 64
-SIDE, EVERY, SPEED = 12, 20, 2
-"""px of what crosses; frames from one to the next; px a frame."""
+WIDTH = 64
 SHORT = 600
-
-
-def crossing(frames: int) -> Iterator[NDArray[np.uint8]]:
-    """The frames (HEIGHT, WIDTH, 3)."""
-    rng = np.random.default_rng(0)
-    wall = _texture(rng, HEIGHT, WIDTH, 40, 120)
-    things = [_texture(rng, SIDE, SIDE, 130, 250) for _ in range(8)]
-    rows = rng.integers(2, HEIGHT - SIDE - 2, frames // EVERY + 2)
-    for t in range(frames):
-        frame = wall.copy()
-        for k in range(max(0, (t - (WIDTH + SIDE) // SPEED) // EVERY), t // EVERY + 1):
-            x, y = SPEED * (t - k * EVERY) - SIDE, rows[k]
-            left, right = max(x, 0), min(x + SIDE, WIDTH)
-            if left < right:
-                frame[y : y + SIDE, left:right] = things[k % len(things)][:, left - x : right - x]
-        yield frame
-
-
-def _texture(rng: np.random.Generator, height: int, width: int, low: int, high: int) -> NDArray[np.uint8]:
-    fine = rng.uniform(low, high, (height, width, 3)).astype(np.float32)
-    return (
-        np.asarray(cv2.GaussianBlur(fine, (0, 0), 1.0) * 1.5 - 0.25 * (low + high), np.float32)
-        .clip(0, 255)
-        .astype(np.uint8)
-    )
+"""Frames of one window."""
 
 
 def write_clip(folder: Path, frames: int) -> Path:
     """A folder of PNG."""
     folder.mkdir(parents=True)
-    for t, frame in enumerate(crossing(frames)):
+    for t, (frame, _) in enumerate(street(frames)):
         cv2.imwrite(str(folder / f"{t:05d}.png"), frame)
     return folder
 
