@@ -15,7 +15,9 @@ from runs import data_bytes, masks, segment
 from zsmoseg.grouping.groups import ShotGroups
 from zsmoseg.grouping.numbering import carried
 from zsmoseg.proposals.embedded import objects as proposals
+from zsmoseg.stores import sealing
 from zsmoseg.synthetic.street import street
+from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.result import open_store
 from zsmoseg.workflows.running import executors
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
@@ -174,6 +176,31 @@ def test_no_table_grows_with_the_shot(lengths: dict[int, tuple[dict[str, float],
     (_, short), (_, long) = lengths.values()
     assert len(long) > 2.5 * len(short)
     assert max(long) < 1.5 * max(short)
+
+
+def test_tables_too_large_to_be_joined_are_left_in_their_blocks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clip = street_folder(tmp_path, 24)
+    segment(clip, tmp_path / "all", SMALL)
+    monkeypatch.setattr(sealing, "LONGEST", 3000)
+    objects = len(open_store(tmp_path / "all" / "store")[clip.name].groups.group)
+    monkeypatch.setattr(sealing, "LARGEST", 8 * objects)
+    segment(clip, tmp_path / "some", SMALL)
+    whole, some = (open_store(tmp_path / root / "store")[clip.name] for root in ("all", "some"))
+    left_out = {
+        f"{stage}/{name}"
+        for stage, node in whole.tree.items()
+        for name in node.data_vars
+        if name not in some.tree[stage]
+    }
+    assert {"statistics/gram", "affinity/affinity"} <= left_out
+    assert not left_out & {"statistics/valid", "groups/group", "labels/label"}
+    np.testing.assert_array_equal(some.affinity.affinity, whole.affinity.affinity)
+    for kind in ("masks", "objects"):
+        a, b = (masks(tmp_path / root / "out" / clip.name, kind) for root in ("all", "some"))
+        np.testing.assert_array_equal(a, b)
+    assert main(["verify", "--store", str(tmp_path / "some" / "store")]) == 0
 
 
 KEPT = 1e5
