@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import tracemalloc
 from collections import defaultdict
+from importlib.util import module_from_spec, spec_from_file_location
 from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -15,9 +17,11 @@ from runs import data_bytes, masks, segment
 from zsmoseg.grouping.groups import ShotGroups
 from zsmoseg.grouping.numbering import carried
 from zsmoseg.proposals.embedded import objects as proposals
+from zsmoseg.settings import resolve
 from zsmoseg.stores import sealing
 from zsmoseg.synthetic.street import street
 from zsmoseg.workflows.cli import main
+from zsmoseg.workflows.planning.estimate import task_memory
 from zsmoseg.workflows.result import open_store
 from zsmoseg.workflows.running import executors
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
@@ -106,6 +110,16 @@ def test_windows_do_not_depend_on_chunks(cues: str, tmp_path: Path) -> None:
     for kind in ("masks", "objects"):
         np.testing.assert_array_equal(masks(found[0], kind), masks(found[1], kind))
     assert (found[0] / "motion.csv").read_bytes() == (found[1] / "motion.csv").read_bytes()
+
+
+def benchmark(name: str) -> ModuleType:
+    """A script of ``benchmarks/``."""
+    spec = spec_from_file_location(name, Path(__file__).resolve().parents[1] / "benchmarks" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def told(group: list[int], excess: list[float], frames: int = 3) -> ShotGroups:
@@ -213,3 +227,31 @@ def test_nothing_that_is_alive_in_a_task_grows_with_the_shot(
     (short, _), (long, _) = lengths.values()
     assert long.keys() == {"objects", "trajectories", "epipolar", "affinity", "groups"}
     assert {stage: peak for stage, peak in long.items() if peak > 1.5 * short[stage] + KEPT} == {}
+
+
+def test_the_plan_says_what_a_worker_takes_and_a_longer_video_takes_no_more(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = []
+    for frames in (700, 1400):
+        clip = write_folder(tmp_path / f"long{frames}", np.zeros((frames, 48, 64, 3), np.uint8))
+        options = ["--dry-run", "-o", str(tmp_path / "out"), "--store", str(tmp_path / "store")]
+        assert main(["run", str(clip), *options]) == 0
+        told.append(capsys.readouterr().out.split("at most about ")[1].split(" MB of memory a worker")[0])
+    assert told[0] == told[1]
+    assert 350 < int(told[0]) < 400
+
+
+def test_a_task_takes_what_its_stage_declares(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stage_memory = benchmark("stage_memory")
+    clip = write_folder(tmp_path / "street", np.stack([f for f, _ in street(64, 180, 240)]))
+    chosen = resolve(overrides={"frames.width": 240, "overlay.write": False})
+    monkeypatch.setattr(executors, "run_job", run_job)
+    stage_memory.measure(str(clip), chosen)
+    plan, found = stage_memory.measure(str(clip), chosen)
+    declared = {name: task_memory(plan, stage) / 2**20 for name, stage in plan.stages.items()}
+    large = {name for name, size in declared.items() if size > 10} | {
+        n for n, size in found.items() if size > 10
+    }
+    assert {"frames", "flow", "segments", "features", "objects", "statistics"} <= large
+    assert {n: (declared[n], found[n]) for n in large if not 0.5 < declared[n] / found[n] < 2} == {}

@@ -127,6 +127,28 @@ Task = Callable[[Part, I, S], Iterable[Arrays]]
 
 
 @dataclass(frozen=True)
+class Memory(Generic[S]):
+    """What a task holds at once, as measured: ``benchmarks/stage_memory.py``.
+
+    Attributes
+    ----------
+    working, shown
+        Bytes a pixel of the working grid, and of the displayed size, for each frame that it holds.
+    frames
+        Frames that it holds at most, by its sections; None: all of its part.
+    """
+
+    working: float = 0.0
+    shown: float = 0.0
+    frames: Callable[[S], int] | None = None
+
+    def of(self, frames: int, sections: S, working: int, shown: int) -> float:
+        """Bytes of a part of ``frames`` frames, of so many pixels."""
+        held = frames if self.frames is None else min(frames, self.frames(sections))
+        return held * (self.working * working + self.shown * shown)
+
+
+@dataclass(frozen=True)
 class Stage(Generic[I, S]):
     """The entry of a stage.
 
@@ -153,6 +175,8 @@ class Stage(Generic[I, S]):
     cost
         What a frame of 480p takes on one core where nothing was measured yet: ms and kB
         (``benchmarks/stage_costs.py``); it serves the estimate before a run only.
+    memory
+        What a task holds at once, beside the objects' tables and the networks.
     """
 
     name: str
@@ -167,6 +191,7 @@ class Stage(Generic[I, S]):
     span: Callable[[S], int] = lambda sections: 1
     nothing: Callable[[S], bool] = lambda sections: False
     cost: tuple[float, float] = (0.0, 0.0)
+    memory: Memory[S] = field(default_factory=Memory)
 
     @property
     def output(self) -> bool:

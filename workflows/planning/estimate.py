@@ -13,21 +13,25 @@ from zsmoseg.networks.contract import Contract
 from zsmoseg.networks.references import contract_at
 from zsmoseg.stores.location import Store
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
+from zsmoseg.workflows.stage import working_size
 
 REFERENCE = 480 * 854
-WORKER = 600e6
-"""Bytes of a worker without networks."""
+PROCESS = 350e6
+"""Bytes of a worker that has loaded and compiled everything, and holds nothing (``benchmarks/stage_memory.py``)."""
+SHOWN = 12
+"""Bytes a pixel of the displayed size that every task may take: some frames as they are decoded."""
 RESERVE = 64 * 2**20
 """Bytes of the disk that are left alone."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One core's seconds, bytes on disk, and whether they were measured here (else: typical figures)."""
+    """One core's seconds, bytes on disk, whether they were measured here (else: typical figures); bytes of a worker."""
 
     seconds: float
     size: int
     measured: bool
+    memory: float = 0.0
 
 
 def estimate(store: Store, plans: Sequence[VideoPlan]) -> Estimate:
@@ -47,7 +51,7 @@ def estimate(store: Store, plans: Sequence[VideoPlan]) -> Estimate:
             per_frame, per_size = rate or (stage.stage.cost[0] / 1e3, stage.stage.cost[1] * 1e3)
             seconds += per_frame * scale
             size += int(per_size * scale)
-    return Estimate(seconds, size, measured)
+    return Estimate(seconds, size, measured, worker_memory(plans))
 
 
 def _measured(plan: VideoPlan, stage: StagePlan) -> tuple[float, float] | None:
@@ -85,7 +89,10 @@ def refuse_full_disk(store: Path, guess: Estimate) -> None:
 def estimate_line(guess: Estimate) -> str:
     """The estimate in words."""
     kind = "measured here" if guess.measured else "typical figures"
-    return f"estimate: {guess.seconds:.0f} s on one core, {guess.size / 1e6:.0f} MB on disk ({kind})"
+    return (
+        f"estimate: {guess.seconds:.0f} s on one core, {guess.size / 1e6:.0f} MB on disk ({kind}), "
+        f"at most about {guess.memory / 1e6:.0f} MB of memory a worker"
+    )
 
 
 def models_of(plans: Sequence[VideoPlan]) -> set[str]:
@@ -93,15 +100,29 @@ def models_of(plans: Sequence[VideoPlan]) -> set[str]:
     return {model for plan in plans for stage in plan.stages.values() if stage.todo for model in stage.models}
 
 
-def fitting_workers(plans: Sequence[VideoPlan]) -> int | None:
-    """Workers of this machine whose networks fit into its memory together; None where none runs."""
-    models = models_of(plans)
-    if not models:
-        return None
+def task_memory(plan: VideoPlan, stage: StagePlan) -> float:
+    """Bytes that a part of a stage takes beyond its process, its networks left out; it does not grow with the video."""
+    probe, frames = plan.probe, max(stop - start for start, stop in stage.parts)
+    height, width = working_size(probe, plan.stages["frames"].given.frames.width)
+    shown = probe.height * probe.width
+    sections = stage.stage.chosen(stage.given)
+    if stage.stage.nothing(sections):
+        return 0.0
+    return stage.stage.memory.of(frames, sections, height * width, shown) + SHOWN * shown
+
+
+def worker_memory(plans: Sequence[VideoPlan]) -> float:
+    """Bytes that a worker takes at most for what is to do, about: its largest task, and its largest network."""
+    tasks = [task_memory(plan, stage) for plan in plans for stage in plan.stages.values() if stage.todo]
+    networks = [_memory(contract_at(model)) for model in models_of(plans)]
+    return PROCESS + max(tasks, default=0.0) + max(networks, default=0.0)
+
+
+def fitting_workers(plans: Sequence[VideoPlan]) -> int:
+    """Workers of this machine: as many as it has cores, as far as its memory goes."""
     import psutil
 
-    need = WORKER + max(_memory(contract_at(model)) for model in models)
-    return max(1, min(cores(None), int(psutil.virtual_memory().available // need)))
+    return max(1, min(cores(None), int(psutil.virtual_memory().available // worker_memory(plans))))
 
 
 def _memory(contract: Contract) -> float:

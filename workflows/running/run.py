@@ -169,7 +169,7 @@ def _compute(
     )
     executor = make_executor(
         "serial" if small else request.scheduler,
-        request.workers or fitting_workers(busy),
+        request.workers or (fitting_workers(busy) if request.scheduler == "local" and not small else None),
         needs,
         request.patience,
         watcher.note,

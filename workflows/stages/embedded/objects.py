@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from zsmoseg import settings
 from zsmoseg.proposals.embedded.features import SuperpixelFeatures
+from zsmoseg.proposals.embedded.objects import LENGTH, MARGIN, find_objects
 from zsmoseg.proposals.embedded.objects import Objects as Parameters
-from zsmoseg.proposals.embedded.objects import find_objects
 from zsmoseg.stores.fields import table
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 from zsmoseg.workflows.stages.embedded.features import Features
 from zsmoseg.workflows.stages.front_end import Objects, shot_columns
@@ -97,4 +97,19 @@ def each_frame(objects: SuperpixelObjects, start: int, stop: int) -> Iterator[ND
             yield block.object_of[ends[k] : ends[k + 1]]
 
 
-STAGE = Stage("objects", 3, task, Inputs, Sections, SuperpixelObjects, "video", cost=(14.2, 6.2))
+def _held(s: Sections) -> int:
+    """Frames of a window with its margins."""
+    return LENGTH + 2 * (s.objects.window + MARGIN)
+
+
+STAGE = Stage(
+    "objects",
+    3,
+    task,
+    Inputs,
+    Sections,
+    SuperpixelObjects,
+    "video",
+    cost=(14.2, 6.2),
+    memory=Memory(working=30, frames=_held),
+)

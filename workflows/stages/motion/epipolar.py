@@ -13,10 +13,10 @@ from zsmoseg.flow.trajectories import Tracks, look_up
 from zsmoseg.grouping.epipolar import epipolar_residuals
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, shrink
 from zsmoseg.workflows.stages.motion.trajectories import Trajectories
-from zsmoseg.workflows.stages.windows import all_windows, block_of
+from zsmoseg.workflows.stages.windows import LENGTH, all_windows, block_of
 
 Floats = NDArray[np.float64]
 Ids = NDArray[np.int64]
@@ -100,4 +100,14 @@ def each_view_pair(epipolar: Epipolar, shot: Shot) -> Iterator[tuple[Ids, Floats
         yield ids, residual[np.ix_(ids, ids)], points[ids]
 
 
-STAGE = Stage("epipolar", 3, task, Inputs, Sections, Epipolar, "video", cost=(10.0, 4.0))
+STAGE = Stage(
+    "epipolar",
+    3,
+    task,
+    Inputs,
+    Sections,
+    Epipolar,
+    "video",
+    cost=(10.0, 4.0),
+    memory=Memory(working=1, frames=lambda s: LENGTH),
+)

@@ -13,7 +13,7 @@ from zsmoseg import settings
 from zsmoseg.flow.trajectories import Tracks, each_frame
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 
 BLOCK = 16
@@ -69,4 +69,14 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Trajectories]:
             yield Trajectories(start=at, stop=at + len(some), points=points, track=track, place=place)
 
 
-STAGE = Stage("trajectories", 3, task, Inputs, Sections, Trajectories, "video", cost=(2.0, 16.0))
+STAGE = Stage(
+    "trajectories",
+    3,
+    task,
+    Inputs,
+    Sections,
+    Trajectories,
+    "video",
+    cost=(2.0, 16.0),
+    memory=Memory(working=100, frames=lambda s: 1),
+)

@@ -9,7 +9,7 @@ import numpy as np
 
 from zsmoseg import settings
 from zsmoseg.tracking.carrying import here, look_up, nearest_known, step
-from zsmoseg.workflows.stage import ALL, Part, Stage, ignored, reach
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, ignored, reach
 from zsmoseg.workflows.stages.cues.flow import Flow, Vectors, between_cuts
 from zsmoseg.workflows.stages.front_end import Labels, labels_of
 from zsmoseg.workflows.stages.proposed.objects import MaskObjects, lookups
@@ -63,4 +63,4 @@ def _path(flow: Flow, source: int, frame: int) -> Vectors:
     return where
 
 
-STAGE = Stage("labels", 2, task, Inputs, Sections, Labels, cost=(3.0, 5.0))
+STAGE = Stage("labels", 2, task, Inputs, Sections, Labels, cost=(3.0, 5.0), memory=Memory(shown=4))

@@ -13,7 +13,7 @@ from zsmoseg import settings
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.fields import table
 from zsmoseg.tracking.linking import Linker, Linking
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 from zsmoseg.workflows.stages.front_end import Objects, shot_columns, shrink
 from zsmoseg.workflows.stages.proposed.naming import categories
@@ -181,5 +181,14 @@ def lookups(objects: MaskObjects) -> dict[int, Ids]:
 
 
 STAGE = Stage(
-    "objects", 2, task, Inputs, Sections, MaskObjects, "video", labels=labels_of_categories, cost=(2.0, 0.1)
+    "objects",
+    2,
+    task,
+    Inputs,
+    Sections,
+    MaskObjects,
+    "video",
+    labels=labels_of_categories,
+    cost=(2.0, 0.1),
+    memory=Memory(shown=10, frames=lambda s: 1),
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from zsmoseg import settings
 from zsmoseg.formats.rle import mask_of, unpacked
-from zsmoseg.workflows.stage import ALL, Part, Stage, ignored, reach
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, ignored, reach
 from zsmoseg.workflows.stages.front_end import Labels, labels_of
 from zsmoseg.workflows.stages.proposed.tracks import Tracks
 
@@ -44,4 +44,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     yield labels_of(part.start, labels)
 
 
-STAGE = Stage("labels", 1, task, Inputs, Sections, Labels, cost=(5.0, 5.0))
+STAGE = Stage("labels", 1, task, Inputs, Sections, Labels, cost=(5.0, 5.0), memory=Memory(shown=4))

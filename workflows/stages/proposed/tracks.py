@@ -18,7 +18,7 @@ from zsmoseg.tracking.by_flow import FlowTracker
 from zsmoseg.tracking.by_network import network_tracker
 from zsmoseg.tracking.protocol import Factory, Step
 from zsmoseg.tracking.spans import Followed, Moment, Spans, follow
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 from zsmoseg.workflows.stages.proposed.proposals import Proposals
 
@@ -129,4 +129,14 @@ def _block(start: int, found: list[Followed], last: int | None) -> Tracks:
     )
 
 
-STAGE = Stage("tracks", 1, task, Inputs, Sections, Tracks, "video", cost=(60.0, 3.0))
+STAGE = Stage(
+    "tracks",
+    1,
+    task,
+    Inputs,
+    Sections,
+    Tracks,
+    "video",
+    cost=(60.0, 3.0),
+    memory=Memory(shown=100, frames=lambda s: 1),
+)
