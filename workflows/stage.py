@@ -52,6 +52,8 @@ class Part:
         The networks that were used, and the seconds that opening had cost them before.
     decoded
         The frames that were read from the source.
+    before
+        What the part before this one left, of a stage that ``follows``; None at the first.
     """
 
     probe: Probe
@@ -62,6 +64,7 @@ class Part:
     networks: settings.Networks = field(default_factory=settings.Networks)
     opened: dict[str, tuple[Network, float]] = field(default_factory=dict, repr=False)
     decoded: list[tuple[int, int]] = field(default_factory=list, repr=False)
+    before: Any = field(default=None, repr=False)
 
     @property
     def frames(self) -> int:
@@ -170,6 +173,10 @@ class Stage(Generic[I, S]):
         Labels of dimensions that depend on the settings.
     span
         Frames that belong together: a part holds whole spans.
+    least
+        Frames of a part at least, whatever the chunks are.
+    follows
+        Whether a part goes on from what the one before it left.
     nothing
         Whether it leaves no array with these settings.
     cost
@@ -189,6 +196,8 @@ class Stage(Generic[I, S]):
     files: Callable[[Probe, int, int, S], list[str]] | None = None
     labels: Callable[[S], Mapping[str, Sequence[str]]] = lambda sections: {}
     span: Callable[[S], int] = lambda sections: 1
+    least: int = 1
+    follows: bool = False
     nothing: Callable[[S], bool] = lambda sections: False
     cost: tuple[float, float] = (0.0, 0.0)
     memory: Memory[S] = field(default_factory=Memory)

@@ -33,6 +33,8 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     mask = ignored(s.ignore, *part.displayed)
     labels = np.zeros((part.stop - part.start, *part.displayed), np.uint16)
     for block in inputs.tracks.of(part.start, part.stop).blocks():
+        if not block.has("tracked"):
+            continue
         frame_of = np.repeat(np.arange(block.start, block.stop), block.tracked)
         for t, n, rle in zip(
             frame_of, block.object_of, unpacked(block.length, block.run, part.displayed), strict=True
