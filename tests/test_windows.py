@@ -26,8 +26,11 @@ from zsmoseg.workflows.result import open_store
 from zsmoseg.workflows.running import executors
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
 from zsmoseg.workflows.stages import windows
+from zsmoseg.workflows.stages.embedded import objects as embedded_objects
 from zsmoseg.workflows.stages.graph import GRAPHS
 from zsmoseg.workflows.stages.motion.groups import Known
+from zsmoseg.workflows.stages.proposed.objects import named_objects
+from zsmoseg.workflows.stages.proposed.proposals import Proposals
 
 SMALL = {"frames.width": 64, "overlay.write": False, "chunk.length": 8}
 
@@ -255,3 +258,33 @@ def test_a_task_takes_what_its_stage_declares(tmp_path: Path, monkeypatch: pytes
     }
     assert {"frames", "flow", "segments", "features", "objects", "statistics"} <= large
     assert {n: (declared[n], found[n]) for n in large if not 0.5 < declared[n] / found[n] < 2} == {}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_category_of_an_object_is_that_of_most_score(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    objects, names, masks = 6, 4, int(rng.integers(0, 30))
+    of, category = rng.integers(0, objects, masks), rng.integers(0, names, masks)
+    score = (rng.integers(0, 3, masks) / 2).astype(np.float32)
+    proposals = Proposals(start=0, stop=1, score=score, category_of=category)
+    found = named_objects(proposals, of, objects, names)
+    for n in range(objects):
+        votes = [float(score[(of == n) & (category == c)].sum()) for c in range(names)]
+        best = int(np.argmax(votes))
+        if n == 0 or votes[best] == 0:
+            assert found["category_of"][n] == -1
+            assert np.isnan(found["score"][n])
+        else:
+            assert found["category_of"][n] == best
+            assert found["score"][n] == pytest.approx(score[(of == n) & (category == best)].mean())
+    assert found["named"].sum() == (found["category_of"] >= 0).sum()
+
+
+def test_more_objects_than_a_label_holds_end_in_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(embedded_objects, "MOST", 1)
+    clip = street_folder(tmp_path, 60)
+    options = ["-o", str(tmp_path / "out"), "--store", str(tmp_path / "store"), "--scheduler", "serial"]
+    assert main(["run", str(clip), *options, "--set", "frames.width=64"]) == 1
+    assert "more than 1 objects up to frame 59, more than a label image holds" in capsys.readouterr().err

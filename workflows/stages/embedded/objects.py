@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
+from zsmoseg.errors import SettingsError
 from zsmoseg.proposals.embedded.features import SuperpixelFeatures
 from zsmoseg.proposals.embedded.objects import LENGTH, MARGIN, find_objects
 from zsmoseg.proposals.embedded.objects import Objects as Parameters
 from zsmoseg.stores.fields import table
+from zsmoseg.tracking.spans import MOST
 from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 from zsmoseg.workflows.stages.embedded.features import Features
@@ -70,6 +72,11 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]
             if frame % BLOCK == 0 or frame == part.frames:
                 yield _block(frame, waiting)
                 waiting = []
+        if highest > MOST:
+            raise SettingsError(
+                f"more than {MOST} objects up to frame {shot[1] - 1}, more than a label image holds; run the video in pieces "
+                "(video.start, video.end)"
+            )
         last.append(highest)
     yield SuperpixelObjects(**shot_columns(part.frames, found, last[1:]))
 
