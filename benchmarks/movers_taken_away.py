@@ -30,7 +30,7 @@ from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.stage import working_size
 from zsmoseg.workflows.stages.front_end import Labels, Objects, shots_of
 from zsmoseg.workflows.stages.motion.affinity import each_pair, read_visibility
-from zsmoseg.workflows.stages.motion.groups import read_pieces
+from zsmoseg.workflows.stages.motion.groups import read_colours, read_pieces
 from zsmoseg.workflows.stages.motion.residuals import Residuals
 from zsmoseg.workflows.stages.motion.statistics import Statistics
 
@@ -50,7 +50,7 @@ def still_moving(plan: VideoPlan, truth: Path) -> list[int] | None:
     (shot,) = shots_of(read(plan, "objects", Objects))
     core, model = resolve().parameters(Core), MODELS[plan.stages["affinity"].settings["motion"]["model"]]
     gone = best_choice(overlaps(labels, truth))
-    pieces, velocity = read_pieces(statistics, shot)
+    pieces, velocity = read_pieces(statistics, shot, read_colours(statistics, len(shot.objects)))
     area = pieces.area.copy()
     area[:, 0] += area[:, gone].sum(1)
     area[:, gone] = 0

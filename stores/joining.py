@@ -108,6 +108,14 @@ class Joined:
         dims = self.fields[name].dims
         return tuple(self._length(dim, [shape[i] for shape in entries]) for i, dim in enumerate(dims))
 
+    def size(self, name: str) -> int:
+        """Bytes of the whole."""
+        field, shape = self.fields[name], list(self.shape(name))
+        if self.streams(name):
+            rows = sum(block.tables[name].shape[0] for block in self.having(name))
+            shape[0] = self.stop - self.start if field.dims[0] in TIMES else rows
+        return int(np.prod(shape)) * np.dtype(field.dtype).itemsize
+
     def rows(self, name: str) -> Iterator[Array]:
         """The rows of a table that streams, in order, some at a time: never more than ``CHUNK`` bytes widened.
 

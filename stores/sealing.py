@@ -24,6 +24,9 @@ from zsmoseg.stores.packing import group_bytes, json_bytes, metadata, pack, pack
 from zsmoseg.stores.reader import blocks
 
 Array = np.ndarray[Any, Any]
+LARGEST, LONGEST = 2**26, 2**30
+"""Bytes of a table up to which it is joined, gathered in memory and row by row: over all objects of a long video the cost
+of one another grows with the cube of its length. Stages read blocks and need none joined."""
 
 
 def seal(
@@ -62,7 +65,7 @@ def seal(
     frames = artifact.parts[-1][1]
     joined = join(kind, artifact, blocks(artifact, 0, frames), 0, frames)
     for name, declared in tables_of(kind).items():
-        if not joined.having(name):
+        if not joined.having(name) or joined.size(name) > (LONGEST if joined.streams(name) else LARGEST):
             continue
         rows: Iterable[Array]
         if joined.streams(name):

@@ -16,7 +16,7 @@ from zsmoseg.tracking.carrying import here, look_up, nearest_known, step
 from zsmoseg.tracking.linking import Linker, Linking
 from zsmoseg.tracking.matching import matched
 from zsmoseg.tracking.protocol import Step
-from zsmoseg.tracking.spans import Followed, Moment, Spans, follow
+from zsmoseg.tracking.spans import Followed, Follower, Moment, Spans, follow
 
 
 def square(x: int, y: int, side: int = 10, shape: tuple[int, int] = (60, 80)) -> np.ndarray:
@@ -316,3 +316,42 @@ def test_two_masks_never_become_one_object() -> None:
     share = np.array([[0.9, 0.8], [0.85, 0.1], [0.0, 0.0]])
     assert matched(share, 0.5).tolist() == [1, 0, -1]
     assert matched(np.zeros((2, 0)), 0.5).tolist() == [-1, -1]
+
+
+@pytest.mark.parametrize("handover", [1, 3, 50])
+@pytest.mark.parametrize("at", [4, 8, 12, 16])
+@pytest.mark.parametrize(
+    "keys", [{0: [1, 2], 4: [2], 8: [], 12: [2], 16: [1, 2]}, {4: [], 8: [1], 12: [2], 16: []}]
+)
+def test_a_shot_that_is_left_before_a_key_frame_goes_on_as_if_it_had_not_been(
+    keys: dict[int, list[int]], at: int, handover: int
+) -> None:
+    scene, spans = Scene(20, TWO), Spans(handover, 0.5, 3, True)
+    moments, whole = list(scene.moments(keys)), run(scene, keys, handover=handover)
+    one = Follower(lambda: FlowTracker(GRID), spans)
+    found = list(one.run(moments[:at], goes_on=True))
+    halt, two = one.halt(), Follower(lambda: FlowTracker(GRID), spans, one.last, at)
+    two.resume(halt, moments[halt.begun.frame : at] if halt.begun else [])
+    found += two.run(moments[at:])
+    assert len(found) == len(whole)
+    for a, b in zip(found, whole, strict=True):
+        np.testing.assert_array_equal(a.label, b.label)
+        assert (a.masks is None) == (b.masks is None)
+        assert a.masks is None or a.masks.tolist() == b.masks.tolist()
+
+
+def test_who_goes_on_gives_a_tracker_what_it_was_given_when_it_was_given_it() -> None:
+    spans, frame = Spans(3, 0.5, 3, True), Step(np.zeros((60, 80, 3), np.uint8))
+    old, new = Scripted(HERE, HERE, HERE, THERE, THERE), Scripted(HERE, HERE)
+    trackers, again = iter([old, new]), Scripted(HERE, HERE)
+    moments = [Moment(frame, HERE if t in (0, 3) else None) for t in range(6)]
+    one = Follower(lambda: next(trackers), spans)
+    assert len(list(one.run(moments, goes_on=True))) == 6
+    halt = one.halt()
+    assert halt.begun is not None
+    assert halt.begun.late is not None
+    assert (halt.begun.frame, halt.begun.late[0]) == (3, 5)
+    Follower(lambda: again, spans).resume(halt, moments[3:])
+    assert again.labels == []
+    np.testing.assert_array_equal(again.given, new.given)
+    assert halt.objects.tolist() == [0, 2, 1]

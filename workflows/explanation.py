@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.workflows.result import Result
 from zsmoseg.workflows.stages.front_end import Objects, Shot, local_ids, shots_of
+from zsmoseg.workflows.stages.motion.affinity import Affinity
+from zsmoseg.workflows.stages.motion.groups import Groups
 from zsmoseg.workflows.stages.motion.residuals import Residuals
 
+T = TypeVar("T", Affinity, Groups)
 SHOWN = 5
 """Eigenvalues that are told."""
 
@@ -19,27 +22,39 @@ SHOWN = 5
 def details(result: Result, number: int) -> list[str]:
     """What the stages keep about object ``number``, a line each."""
     shot = _shot_of(result, number)
-    (state,) = result.groups.of(shot.start, shot.stop).blocks()
-    local = int(np.searchsorted(shot.objects, number))
+    states = list(_with(result.groups, shot, number))
+    margin = np.concatenate([block.margin[:, n] for block, n in states])
+    moving = np.concatenate([block.moving[:, n] for block, n in states])
+    frames = np.concatenate([np.arange(block.start, block.stop) for block, _ in states])
     return [
-        _companions(result, shot, local),
-        _residuals(result, shot, local),
-        _margin(state.margin[:, local], shot.start),
-        _states(state.moving[:, local], shot.start),
-        _eigenvalues(state.eigenvalue[0]),
+        _companions(result, shot, number),
+        _residuals(result, shot, int(np.searchsorted(shot.objects, number))),
+        _margin(margin, frames),
+        _states(moving, frames),
+        _eigenvalues(states[0][0].eigenvalue[0]),
     ]
+
+
+def _with(arrays: T, shot: Shot, number: int) -> Iterator[tuple[T, int]]:
+    """The windows of a shot that show object ``number``, one in memory at a time, and its place in each."""
+    for block in arrays.of(shot.start, shot.stop).blocks():
+        place = int(np.searchsorted(block.object, number))
+        if (block.has("moving") or block.has("affinity")) and block.object[place : place + 1] == number:
+            yield block, place
 
 
 def each_pair(result: Result, number: int) -> Iterator[str]:
     """What object ``number`` costs the static world, a line for every pair of frames that shows it."""
     shot = _shot_of(result, number)
-    (found,) = result.affinity.of(shot.start, shot.stop).blocks()
-    local = int(np.searchsorted(shot.objects, number))
-    columns = zip(*(x[:, local] for x in (found.excess, found.tolerance, found.weight)), strict=True)
-    for pair, (excess, tolerance, weight) in enumerate(columns, start=shot.start):
-        if np.isfinite(excess):
-            told = f"affinity {tolerance / (tolerance + excess):.2f}" if weight > 0 else "counts for nothing"
-            yield f"frames {pair} and {pair + 1}: costs {excess:.3f} px, tolerated {tolerance:.3f} px, {told}"
+    told = -1
+    for found, local in _with(result.affinity, shot, number):
+        columns = zip(*(x[:, local] for x in (found.excess, found.tolerance, found.weight)), strict=True)
+        for pair, (excess, tolerance, weight) in enumerate(columns, start=found.start):
+            if np.isfinite(excess) and pair > told:
+                told, counts = pair, f"affinity {tolerance / (tolerance + excess):.2f}"
+                counts = counts if weight > 0 else "counts for nothing"
+                costs = f"costs {excess:.3f} px, tolerated {tolerance:.3f} px"
+                yield f"frames {pair} and {pair + 1}: {costs}, {counts}"
 
 
 def _shot_of(result: Result, number: int) -> Shot:
@@ -77,29 +92,32 @@ def _residuals(result: Result, shot: Shot, local: int) -> str:
     )
 
 
-def _margin(margin: NDArray[np.float32], start: int) -> str:
+def _margin(margin: NDArray[np.float32], frames: NDArray[np.int64]) -> str:
     known = np.flatnonzero(np.isfinite(margin))
     if not len(known):
         return "margin: unknown, there is no pair of frames that shows it against the background"
     low, high = known[margin[known].argmin()], known[margin[known].argmax()]
     return (
         f"margin, ln of the odds against the static world: median {np.median(margin[known]):+.2f}, from {margin[low]:+.2f} at frame "
-        f"{start + low} to {margin[high]:+.2f} at frame {start + high}"
+        f"{frames[low]} to {margin[high]:+.2f} at frame {frames[high]}"
     )
 
 
-def _states(moving: NDArray[np.bool_], start: int) -> str:
-    runs = [f"{a} to {b - 1}" for a, b in _runs(moving, start)]
+def _states(moving: NDArray[np.bool_], frames: NDArray[np.int64]) -> str:
+    runs = [f"{a} to {b}" for a, b in _runs(frames[moving])]
     return f"moving at frames {', '.join(runs)}" if runs else "moving at no frame"
 
 
-def _runs(moving: NDArray[np.bool_], start: int) -> Iterator[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], moving.astype(np.int8), [0]])))
-    yield from ((int(a) + start, int(b) + start) for a, b in list(pairwise(edges))[::2])
+def _runs(frames: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
+    """First and last frame of each run of frames that follow each other."""
+    for run in np.split(frames, np.flatnonzero(np.diff(frames) > 1) + 1):
+        if len(run):
+            yield int(run[0]), int(run[-1])
 
 
-def _companions(result: Result, shot: Shot, local: int) -> str:
-    (found,) = result.affinity.of(shot.start, shot.stop).blocks()
+def _companions(result: Result, shot: Shot, number: int) -> str:
+    """Of the first window that shows the object."""
+    found, local = next(_with(result.affinity, shot, number))
     similar = np.where(np.isfinite(found.affinity[local]), found.affinity[local], -1.0)
     others = [n for n in np.argsort(-similar, kind="stable") if n not in (local, 0) and similar[n] >= 0]
     world = (
@@ -109,7 +127,7 @@ def _companions(result: Result, shot: Shot, local: int) -> str:
     )
     if not others:
         return f"{world}; it is never seen together with another object"
-    told = ", ".join(f"{similar[n]:.2f} with object {shot.objects[n]}" for n in others[:SHOWN])
+    told = ", ".join(f"{similar[n]:.2f} with object {found.object[n]}" for n in others[:SHOWN])
     return f"{world}; {told}; from 0.50 on one motion explains both"
 
 

@@ -151,7 +151,7 @@ class Result:
 
         groups = self.groups
         columns = {name: getattr(groups, name) for name in COLUMNS}
-        columns["visibility"] = self.affinity.visibility
+        columns["visibility"] = self.affinity.visibilities(len(groups.group))
         if "proposals" in self.keys:
             columns["origin"] = MaskObjects.read(self.artifact("objects")).origin
             if self.categories:

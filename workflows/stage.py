@@ -53,6 +53,8 @@ class Part:
         The networks that were used, and the seconds that opening had cost them before.
     decoded
         The frames that were read from the source.
+    before
+        What the part before this one left, of a stage that ``follows``; None at the first.
     """
 
     probe: Probe
@@ -63,6 +65,7 @@ class Part:
     networks: settings.Networks = field(default_factory=settings.Networks)
     opened: dict[str, tuple[Network, float]] = field(default_factory=dict, repr=False)
     decoded: list[tuple[int, int]] = field(default_factory=list, repr=False)
+    before: Any = field(default=None, repr=False)
 
     @property
     def frames(self) -> int:
@@ -128,6 +131,28 @@ Task = Callable[[Part, I, S], Iterable[Arrays]]
 
 
 @dataclass(frozen=True)
+class Memory(Generic[S]):
+    """What a task holds at once, as measured: ``benchmarks/stage_memory.py``.
+
+    Attributes
+    ----------
+    working, shown
+        Bytes a pixel of the working grid, and of the displayed size, for each frame that it holds.
+    frames
+        Frames that it holds at most, by its sections; None: all of its part.
+    """
+
+    working: float = 0.0
+    shown: float = 0.0
+    frames: Callable[[S], int] | None = None
+
+    def of(self, frames: int, sections: S, working: int, shown: int) -> float:
+        """Bytes of a part of ``frames`` frames, of so many pixels."""
+        held = frames if self.frames is None else min(frames, self.frames(sections))
+        return held * (self.working * working + self.shown * shown)
+
+
+@dataclass(frozen=True)
 class Stage(Generic[I, S]):
     """The entry of a stage.
 
@@ -149,11 +174,17 @@ class Stage(Generic[I, S]):
         Labels of dimensions that depend on the settings.
     span
         Frames that belong together: a part holds whole spans.
+    least
+        Frames of a part at least, whatever the chunks are.
+    follows
+        Whether a part goes on from what the one before it left.
     nothing
         Whether it leaves no array with these settings.
     cost
         What a frame of 480p takes on one core where nothing was measured yet: ms and kB
         (``benchmarks/stage_costs.py``); it serves the estimate before a run only.
+    memory
+        What a task holds at once, beside the objects' tables and the networks.
     """
 
     name: str
@@ -166,8 +197,11 @@ class Stage(Generic[I, S]):
     files: Callable[[Probe, int, int, S], list[str]] | None = None
     labels: Callable[[S], Mapping[str, Sequence[str]]] = lambda sections: {}
     span: Callable[[S], int] = lambda sections: 1
+    least: int = 1
+    follows: bool = False
     nothing: Callable[[S], bool] = lambda sections: False
     cost: tuple[float, float] = (0.0, 0.0)
+    memory: Memory[S] = field(default_factory=Memory)
 
     @property
     def output(self) -> bool:

@@ -16,11 +16,10 @@ from typing import BinaryIO
 
 from zsmoseg.errors import SpaceError
 from zsmoseg.remote.bucket import Stat
+from zsmoseg.stores.files.storage import STALE
 
 TRIES = 5
 """Times that another process may take a name away, or give it, while a file is made."""
-STALE = 3600.0
-"""Seconds after which an unfinished file is a leftover of a process that is gone."""
 TMP = re.compile(r"\.(.+\.)?[0-9a-f]{32}\.tmp")
 """Names of unfinished files."""
 NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import shutil
 import tempfile
+import time
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -14,6 +15,7 @@ from typing import Any
 from zsmoseg.remote import bucket
 from zsmoseg.remote.bucket import Stat
 from zsmoseg.remote.url import URL
+from zsmoseg.stores.files.storage import STALE
 
 SMALL = 2**24
 """Bytes of a file that grows that are kept in memory; more are put on the disk until all are there."""

@@ -9,6 +9,9 @@ from typing import Any, Protocol
 
 from zsmoseg.remote.bucket import Stat
 
+STALE = 3600.0
+"""Seconds after which an unfinished file is a leftover of a process that is gone."""
+
 
 class Growing(Protocol):
     """A file that is being written; a failure before ``close`` leaves something that no record names."""

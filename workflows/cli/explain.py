@@ -44,7 +44,7 @@ def main(options: argparse.Namespace) -> int:
         raise StoreError("--pairs tells of one object; name it with --object N")
 
     result = open_store(store_path(options.store)).get(options.video, options.run)
-    table, moving = result.objects, result.moving()
+    table, moving = result.objects, result.groups.frames_moving
     rule = _setting(result, "groups", "rule")
     visible = _setting(result, "affinity", "visible")
     if options.object is not None and options.object not in table["object"].array:
@@ -58,7 +58,7 @@ def main(options: argparse.Namespace) -> int:
     if not rows:
         print("nothing was proposed: there is no object")
     for row in rows:
-        print(sentence(row, int(moving[:, row["object"]].sum()), rule, float(visible)))
+        print(sentence(row, int(moving[row["object"]]), rule, float(visible)))
     if options.object:
         for line in details(result, options.object):
             print(f"  {line}")

@@ -12,17 +12,20 @@ from zsmoseg.networks.contract import Contract
 from zsmoseg.networks.references import contract_at
 from zsmoseg.stores import files
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
+from zsmoseg.workflows.stage import working_size
 
 REFERENCE = 480 * 854
-WORKER = 600e6
-"""Bytes of a worker without networks."""
+PROCESS = 350e6
+"""Bytes of a worker that has loaded and compiled everything, and holds nothing (``benchmarks/stage_memory.py``)."""
+SHOWN = 12
+"""Bytes a pixel of the displayed size that every task may take: some frames as they are decoded."""
 RESERVE = 64 * 2**20
 """Bytes of the disk that are left alone."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One core's seconds, bytes on disk, and whether they were measured here (else: typical figures).
+    """One core's seconds, bytes on disk, whether they were measured here (else: typical figures); bytes of a worker.
 
     ``videos`` of which the first ``looked`` were looked at.
     """
@@ -30,12 +33,16 @@ class Estimate:
     seconds: float
     size: int
     measured: bool
+    memory: float = 0.0
     looked: int = 0
     videos: int = 0
 
     def __add__(self, other: Estimate) -> Estimate:
         return Estimate(
-            self.seconds + other.seconds, self.size + other.size, self.measured and other.measured
+            self.seconds + other.seconds,
+            self.size + other.size,
+            self.measured and other.measured,
+            max(self.memory, other.memory),
         )
 
     @property
@@ -46,7 +53,9 @@ class Estimate:
     def of(self, looked: int, videos: int) -> Estimate:
         """For ``videos`` videos of which the first ``looked`` take this."""
         scale = videos / max(looked, 1)
-        return Estimate(self.seconds * scale, int(self.size * scale), self.measured, looked, videos)
+        return Estimate(
+            self.seconds * scale, int(self.size * scale), self.measured, self.memory, looked, videos
+        )
 
 
 Rates = dict[str, tuple[float, float] | None]
@@ -70,7 +79,7 @@ def estimate(plans: Sequence[VideoPlan], rates: Rates | None = None) -> Estimate
             per_frame, per_size = rate or (stage.stage.cost[0] / 1e3, stage.stage.cost[1] * 1e3)
             seconds += per_frame * scale
             size += int(per_size * scale)
-    return Estimate(seconds, size, measured)
+    return Estimate(seconds, size, measured, worker_memory(plans))
 
 
 def _measured(plan: VideoPlan, stage: StagePlan) -> tuple[float, float] | None:
@@ -106,7 +115,8 @@ def estimate_line(guess: Estimate) -> str:
     """The estimate in words."""
     kind = "measured here" if guess.measured else "typical figures"
     return (
-        f"estimate: {guess.seconds:.0f} s on one core, {guess.size / 1e6:.0f} MB on disk ({kind}{guess.many})"
+        f"estimate: {guess.seconds:.0f} s on one core, {guess.size / 1e6:.0f} MB on disk ({kind}{guess.many}), "
+        f"at most about {guess.memory / 1e6:.0f} MB of memory a worker"
     )
 
 
@@ -115,15 +125,29 @@ def models_of(plans: Sequence[VideoPlan]) -> set[str]:
     return {model for plan in plans for stage in plan.stages.values() if stage.todo for model in stage.models}
 
 
-def fitting_workers(plans: Sequence[VideoPlan]) -> int | None:
-    """Workers of this machine whose networks fit into its memory together; None where none runs."""
-    models = models_of(plans)
-    if not models:
-        return None
+def task_memory(plan: VideoPlan, stage: StagePlan) -> float:
+    """Bytes that a part of a stage takes beyond its process, its networks left out; it does not grow with the video."""
+    probe, frames = plan.probe, max(stop - start for start, stop in stage.parts)
+    height, width = working_size(probe, plan.stages["frames"].given.frames.width)
+    shown = probe.height * probe.width
+    sections = stage.stage.chosen(stage.given)
+    if stage.stage.nothing(sections):
+        return 0.0
+    return stage.stage.memory.of(frames, sections, height * width, shown) + SHOWN * shown
+
+
+def worker_memory(plans: Sequence[VideoPlan]) -> float:
+    """Bytes that a worker takes at most for what is to do, about: its largest task, and its largest network."""
+    tasks = [task_memory(plan, stage) for plan in plans for stage in plan.stages.values() if stage.todo]
+    networks = [_memory(contract_at(model)) for model in models_of(plans)]
+    return PROCESS + max(tasks, default=0.0) + max(networks, default=0.0)
+
+
+def fitting_workers(plans: Sequence[VideoPlan]) -> int:
+    """Workers of this machine: as many as it has cores, as far as its memory goes."""
     import psutil
 
-    need = WORKER + max(_memory(contract_at(model)) for model in models)
-    return max(1, min(cores(None), int(psutil.virtual_memory().available // need)))
+    return max(1, min(cores(None), int(psutil.virtual_memory().available // worker_memory(plans))))
 
 
 def _memory(contract: Contract) -> float:

@@ -104,7 +104,8 @@ class VideoPlan:
     def before(self, stage: StagePlan, part: int) -> list[tuple[str, int]]:
         """The (stage, part) that part ``part`` of ``stage`` reads."""
         start, stop = stage.parts[part]
-        return [
+        last = [(stage.stage.name, part - 1)] if stage.stage.follows and part else []
+        return last + [
             (name, i)
             for name, reach in stage.stage.reaches.items()
             for i, (a, b) in enumerate(self.stages[name].parts)
@@ -186,7 +187,7 @@ def _plan_stage(plan: VideoPlan, store: Store, stage: Stage[Any, Any], settings:
     key = artifact_key(FORMAT, stage.name, stage.version, active, inputs, plan.fingerprint)
     frames = len(plan.probe.times)
     span = stage.span(stage.chosen(settings))
-    length = -(-settings.chunk.length // span) * span
+    length = -(-max(settings.chunk.length, stage.least) // span) * span
     parts = [(0, frames)] if stage.scope == "video" else cut(frames, length)
     dumped = {name: section.model_dump(mode="json") for name, section in sections.items()}
     planned = StagePlan(stage, key, inputs, dumped, active, parts)

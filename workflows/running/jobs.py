@@ -114,6 +114,7 @@ def _run(job: Job) -> Outcome:
         job.stop,
         folder(job.out) if stage.output else Path(),
         networks=Networks.model_validate(dict(job.networks)),
+        before=_before(job, stage, store),
     )
     artifact = store.artifact(job.video, job.stage, job.key)
     if not stage.output and not part_problem(artifact, job.part):
@@ -179,6 +180,14 @@ def _inputs(job: Job, stage: Stage[Any, Any], store: Store) -> Any:
             kind.read(artifact) if reach == ALL else kind.read(artifact, job.start, job.stop + reach)
         )
     return stage.inputs(**found)
+
+
+def _before(job: Job, stage: Stage[Any, Any], store: Store) -> Any:
+    """What the part before this one left, of a stage that goes on from it."""
+    if not stage.follows or not job.part or stage.leaves is None:
+        return None
+    artifact = store.artifact(job.video, job.stage, job.key)
+    return stage.leaves.read(artifact, *artifact.parts[job.part - 1])
 
 
 @contextmanager

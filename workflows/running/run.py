@@ -84,7 +84,7 @@ def _compute(batch: Batch) -> None:
         return
     executor = make_executor(
         "serial" if small and request.scheduler == "local" else request.scheduler,
-        request.workers or fitting_workers(first),
+        request.workers or (fitting_workers(first) if request.scheduler == "local" and not small else None),
         _needs(batch, first),
         request.patience,
         batch.watcher.note,

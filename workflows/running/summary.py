@@ -17,7 +17,7 @@ from zsmoseg.stores.records import as_json, read_json
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
-from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
+from zsmoseg.workflows.stages.motion.groups import Groups
 from zsmoseg.workflows.stages.proposed.objects import object_names
 
 T = TypeVar("T", bound=Arrays)
@@ -69,6 +69,8 @@ def states(plan: VideoPlan) -> str:
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow(["frame", "name", "seconds", "object", "instance", "group", "moving", "margin"])
     for state in groups.blocks():
+        if not state.has("moving"):
+            continue
         seen = labels.of(state.start, state.stop)
         for frame, area in enumerate(seen.area, start=state.start):
             for n in seen.object[area > 0]:
@@ -98,7 +100,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     group, area, frames = found.group, found.area, len(plan.probe.times)
     described = plan.stages["objects"].artifact
     names = object_names(described) if described is not None and "detections" in plan.stages else []
-    moving, visibility = moving_objects(found, 0, frames), _read(plan, "affinity", Affinity).visibility
+    visibility = _read(plan, "affinity", Affinity).visibilities(len(group))
     return {
         **_about(plan, settings),
         "objects": int((area[1:] > 0).sum()),
@@ -113,7 +115,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
                 "group": int(group[n]),
                 "instance": int(found.instance[n]),
                 "frames": int(found.frames[n]),
-                "frames_moving": int(moving[:, n].sum()),
+                "frames_moving": int(found.frames_moving[n]),
                 "pixels": int(area[n]),
                 "excess_px": _known(found.excess[n]),
                 "tolerance_px": _known(found.tolerance[n]),

@@ -5,7 +5,7 @@ Sundaram, Brox, Keutzer, "Dense point trajectories by GPU-accelerated large disp
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from zsmoseg.flow.consistency import Flow, Places, Tolerance, closed, round_trip_of
 
 Ids = NDArray[np.int64]
+Pair = tuple[Flow, Flow] | None
+"""Flow forward and backward (2, h, w), x then y, px, NaN = unknown; None at a cut, where all tracks end."""
 
 AGREE = Tolerance(absolute=0.5, relative=0.01, rule="squares")
 """The values of Sundaram, Brox, Keutzer."""
@@ -42,13 +44,19 @@ class Tracks:
         return i + a.start, j + b.start
 
 
-def follow(pairs: Iterable[tuple[Flow, Flow] | None], height: int, width: int, spacing: int) -> Tracks:
-    """Tracks through the frames that ``pairs`` join; one pair in memory at a time.
+def follow(pairs: Iterable[Pair], height: int, width: int, spacing: int) -> Tracks:
+    """Tracks through the frames that ``pairs`` join; see ``each_frame``."""
+    found = list(each_frame(pairs, height, width, spacing))
+    frames = np.repeat(np.arange(len(found)), [len(t) for t, _ in found])
+    return Tracks(np.concatenate([t for t, _ in found]), frames, np.concatenate([p for _, p in found]))
+
+
+def each_frame(pairs: Iterable[Pair], height: int, width: int, spacing: int) -> Iterator[tuple[Ids, Places]]:
+    """The tracks that are at each frame, (points,) numbers, and where, (points, 2) x, y px; one pair in memory at a time.
 
     Parameters
     ----------
-    pairs : per pair the flow forward and backward (2, h, w), x then y, px, NaN = unknown; None at a cut, where all
-        tracks end.
+    pairs : the flow of every pair of frames.
     spacing : px; a track starts at the centre of each cell of this size that holds none.
 
     Notes
@@ -57,8 +65,8 @@ def follow(pairs: Iterable[tuple[Flow, Flow] | None], height: int, width: int, s
     goes on.
     """
     grid = _centres(height, width, spacing)
-    track, place = np.arange(len(grid)), grid
-    found, last = [(track, place)], len(grid)
+    track, place, last = np.arange(len(grid)), grid, len(grid)
+    yield track, place
     for pair in pairs:
         if pair is None:
             track, place = track[:0], place[:0]
@@ -68,9 +76,7 @@ def follow(pairs: Iterable[tuple[Flow, Flow] | None], height: int, width: int, s
         new = _lacking(grid, place, height, width, spacing)
         track = np.concatenate([track, last + np.arange(len(new))])
         place, last = np.concatenate([place, new]), last + len(new)
-        found.append((track, place))
-    frames = np.repeat(np.arange(len(found)), [len(t) for t, _ in found])
-    return Tracks(np.concatenate([t for t, _ in found]), frames, np.concatenate([p for _, p in found]))
+        yield track, place
 
 
 def look_up(label: NDArray[np.integer[Any]], place: Places) -> Ids:

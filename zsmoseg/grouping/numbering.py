@@ -35,3 +35,26 @@ def _of_movers(group: Labels, name: NDArray[np.integer], support: Floats) -> Lab
     if moving.any():
         out[moving] = by_weight(name[moving], support[moving])
     return out
+
+
+def carried(number: Labels, before: Labels, weight: Floats, last: int) -> Labels:
+    """The numbers (N,) of a window in those of the windows before it, for the objects that both have numbered.
+
+    A number goes on as the one that it shares the most weight with, each as one only; the others go on counting from
+    ``last``.
+
+    Parameters
+    ----------
+    number, before : (N,) of each object in this window, and in those before it; 0 = none.
+    weight : (N,).
+    """
+    both = (number > 0) & (before > 0)
+    pairs, row = np.unique(np.stack([before[both], number[both]], 1), axis=0, return_inverse=True)
+    shared = np.bincount(row.ravel(), weight[both], len(pairs))
+    name = np.zeros(int(number.max(initial=0)) + 1, np.int64)
+    for old, new in pairs[np.lexsort((pairs[:, 1], pairs[:, 0], -shared))]:
+        if name[new] == 0 and old not in name:
+            name[new] = old
+    fresh = np.flatnonzero(name[1:] == 0) + 1
+    name[fresh] = last + np.arange(1, len(fresh) + 1)
+    return name[number]

@@ -8,7 +8,7 @@ own rule for what nobody proposes again.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +58,38 @@ class Followed:
     """(K) the object of each proposed mask of a key frame; None in the others."""
 
 
+@dataclass(frozen=True)
+class Begun:
+    """The masks that a tracker was given: given them again, and the frames since, it is what it is."""
+
+    frame: int
+    """The frame that it started with."""
+    label: Label
+    """(H, W) its numbers there."""
+    late: tuple[int, Label] | None = None
+    """A later frame, and its numbers there with those that it was given then."""
+
+
+@dataclass(frozen=True)
+class Halt:
+    """Where a shot is left before a key frame, and can be gone on with."""
+
+    last: int
+    """Number of the last object."""
+    begun: Begun | None
+    """The tracker that is at work; None: there is none."""
+    objects: Ids
+    """(n + 1) the object of each of its numbers; 0 = it has ended."""
+    missed: Ids
+    """(n + 1) key frames in a row without a mask of it."""
+
+
 @dataclass
 class _Span:
     """A tracker at work."""
 
     tracker: Tracker
+    begun: Begun
     objects: Ids
     """(n + 1) the object of each of its numbers; 0 = it has ended."""
     missed: Ids
@@ -113,22 +140,52 @@ def follow(moments: Iterable[Moment], factory: Factory, spans: Spans, last: int 
     SettingsError
         There are more objects than a label image holds.
     """
-    return _Follower(factory, spans, last).run(moments)
+    return Follower(factory, spans, last).run(moments)
 
 
 @dataclass
-class _Follower:
-    """What goes through a shot: the tracker of this span, and during a handover that of the next."""
+class Follower:
+    """What goes through a shot: the tracker of this span, and during a handover that of the next; see ``follow``.
+
+    A shot can be left before any key frame: ``halt`` says what another one, ``resume``d, needs to go on from there.
+    """
 
     factory: Factory
     spans: Spans
-    last: int
+    last: int = 0
+    at: int = 0
+    """The frame that it is at."""
     now: _Span | None = None
     coming: Tracker | None = None
+    begun: Begun | None = None
+    """Of ``coming``."""
     between: _Handover | None = None
 
-    def run(self, moments: Iterable[Moment]) -> Iterator[Followed]:
-        """Frame by frame."""
+    def resume(self, halt: Halt, moments: Iterable[Moment]) -> None:
+        """Go on from there; ``moments``: the frames since its tracker began, which are tracked again."""
+        self.last, begun = halt.last, halt.begun
+        if begun is None:
+            return
+        tracker = self.factory()
+        for self.at, moment in enumerate(moments, start=begun.frame):
+            if self.at == begun.frame:
+                tracker.start(moment.step.frame, begun.label)
+            else:
+                tracker.step(moment.step)
+            if begun.late is not None and self.at == begun.late[0]:
+                tracker.add(moment.step.frame, begun.late[1])
+        self.at += 1
+        self.now = _Span(tracker, begun, halt.objects, halt.missed)
+
+    def halt(self) -> Halt:
+        """What is needed to go on; between two calls of ``run`` only."""
+        none = np.zeros(0, np.int64)
+        if self.now is None:
+            return Halt(self.last, None, none, none)
+        return Halt(self.last, self.now.begun, self.now.objects, self.now.missed)
+
+    def run(self, moments: Iterable[Moment], goes_on: bool = False) -> Iterator[Followed]:
+        """Frame by frame; ``goes_on``: a key frame of the same shot comes next."""
         for moment in moments:
             if self.between is not None and moment.masks is not None:
                 yield from self._settle()
@@ -141,8 +198,9 @@ class _Follower:
                 yield self._single(moment, old)
             if self.between is not None and len(self.between.frames) == self._length():
                 yield from self._settle()
+            self.at += 1
         if self.between is not None:
-            yield from self._settle(last=True)
+            yield from self._settle(last=not goes_on)
 
     def _length(self) -> int:
         """Frames of a handover: where no tracker hands over, one is enough."""
@@ -156,7 +214,7 @@ class _Follower:
         self.between.carried = self._carried(np.setdiff1d(alive, self._match(alive)))
         label = _with(masks, self.between.old[0], self.between.carried, self.between.count)
         self.between.new[0] = label
-        self.coming = self.factory()
+        self.coming, self.begun = self.factory(), Begun(self.at, label)
         self.coming.start(moment.step.frame, label)
 
     def _both(self, moment: Moment, old: Label | None, new: Label) -> None:
@@ -191,9 +249,10 @@ class _Follower:
 
     def _settle(self, last: bool = False) -> Iterator[Followed]:
         """Match and give numbers; then all frames of the handover are known."""
-        between, tracker = self.between, self.coming
+        between, tracker, begun = self.between, self.coming, self.begun
         assert between is not None
         assert tracker is not None
+        assert begun is not None
         known, missed = self._known()
         alive = np.flatnonzero(known)
         found = self._match(alive)
@@ -210,14 +269,17 @@ class _Follower:
         late = self._carried(np.setdiff1d(alive, np.concatenate([found, between.carried])))
         count = between.count + len(between.carried)
         if len(late) and not last:
-            tracker.add(between.frames[-1], _with(between.new[-1], between.old[-1], late, count))
+            label = _with(between.new[-1], between.old[-1], late, count)
+            tracker.add(between.frames[-1], label)
+            begun = replace(begun, late=(begun.frame + len(between.frames) - 1, label))
         goes = np.concatenate([between.carried, late])
         self.now = _Span(
             tracker,
+            begun,
             np.concatenate([[0], objects, np.where(np.isin(goes, found), 0, known[goes])]).astype(np.int64),
             np.concatenate([np.zeros(between.count + 1, np.int64), missed[goes] + 1]),
         )
-        self.coming = self.between = None
+        self.coming = self.begun = self.between = None
         for k, (new, old) in enumerate(zip(between.new, between.old, strict=True)):
             yield Followed(self.now.paint(_with(new, old, late, count)), objects if k == 0 else None)
 

@@ -14,7 +14,7 @@ from zsmoseg.networks.depth import network_depth
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
 from zsmoseg.workflows.imports.contents import depth_of
-from zsmoseg.workflows.stage import Part, Stage, reach, working_size
+from zsmoseg.workflows.stage import Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
 
 
@@ -80,4 +80,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Depth]:
         yield Depth(start=part.start, stop=part.stop, inverse_depth=depth)
 
 
-STAGE = Stage("depth", 2, task, Inputs, Sections, Depth, nothing=_constant)
+STAGE = Stage("depth", 2, task, Inputs, Sections, Depth, nothing=_constant, memory=Memory(working=8))

@@ -17,7 +17,7 @@ from zsmoseg.networks.flow import network_flow
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table, video
 from zsmoseg.workflows.imports.contents import flow_of
-from zsmoseg.workflows.stage import Part, Stage, reach, working_size
+from zsmoseg.workflows.stage import Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
 
 Vectors = NDArray[np.float32]
@@ -109,4 +109,4 @@ def between_cuts(state: NDArray[np.uint8]) -> list[tuple[int, int]]:
     return list(zip([0, *cuts], [*cuts, len(state) + 1], strict=True))
 
 
-STAGE = Stage("flow", 2, task, Inputs, Sections, Flow, cost=(23.9, 328.4))
+STAGE = Stage("flow", 2, task, Inputs, Sections, Flow, cost=(23.9, 328.4), memory=Memory(working=42))

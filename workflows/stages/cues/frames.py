@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from zsmoseg import settings
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
-from zsmoseg.workflows.stage import Part, Stage, working_size
+from zsmoseg.workflows.stage import Memory, Part, Stage, working_size
 
 
 @dataclass(frozen=True)
@@ -45,4 +45,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Frames]:
     yield Frames(start=part.start, stop=part.stop, image=np.asarray(np.stack(small), np.uint8))
 
 
-STAGE = Stage("frames", 2, task, Inputs, Sections, Frames, cost=(1.7, 302.7))
+STAGE = Stage("frames", 2, task, Inputs, Sections, Frames, cost=(1.7, 302.7), memory=Memory(working=14))

@@ -17,7 +17,7 @@ from zsmoseg.proposals.embedded.features import SuperpixelFeatures
 from zsmoseg.proposals.embedded.features_loops import COLUMNS, FLOW_COLUMNS
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.workflows.stage import Part, Stage, ignored, reach
+from zsmoseg.workflows.stage import Memory, Part, Stage, ignored, reach
 from zsmoseg.workflows.stages.cues.flow import Flow
 from zsmoseg.workflows.stages.cues.frames import Frames
 from zsmoseg.workflows.stages.embedded.segments import Segments
@@ -113,4 +113,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Features]:
     yield Features(start=part.start, stop=part.stop, **found.arrays())
 
 
-STAGE = Stage("features", 2, task, Inputs, Sections, Features, cost=(7.7, 154.9))
+STAGE = Stage("features", 2, task, Inputs, Sections, Features, cost=(7.7, 154.9), memory=Memory(working=46))

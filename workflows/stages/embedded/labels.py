@@ -10,7 +10,7 @@ import numpy as np
 from zsmoseg import settings
 from zsmoseg.proposals.embedded.guided_filter import GuidedFilter
 from zsmoseg.proposals.embedded.upsampling import paint
-from zsmoseg.workflows.stage import ALL, Part, Stage, ignored, reach
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, ignored, reach
 from zsmoseg.workflows.stages.cues.frames import Frames
 from zsmoseg.workflows.stages.embedded.objects import SuperpixelObjects, each_frame
 from zsmoseg.workflows.stages.embedded.segments import Segments
@@ -48,4 +48,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     yield labels_of(part.start, labels)
 
 
-STAGE = Stage("labels", 2, task, Inputs, Sections, Labels, cost=(4.2, 1.3))
+STAGE = Stage("labels", 2, task, Inputs, Sections, Labels, cost=(4.2, 1.3), memory=Memory(working=6, shown=4))

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
+from zsmoseg.errors import SettingsError
 from zsmoseg.proposals.embedded.features import SuperpixelFeatures
+from zsmoseg.proposals.embedded.objects import LENGTH, MARGIN, find_objects
 from zsmoseg.proposals.embedded.objects import Objects as Parameters
-from zsmoseg.proposals.embedded.objects import find_objects
 from zsmoseg.stores.fields import table
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
+from zsmoseg.tracking.spans import MOST
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 from zsmoseg.workflows.stages.embedded.features import Features
 from zsmoseg.workflows.stages.front_end import Objects, shot_columns
@@ -70,6 +72,11 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]
             if frame % BLOCK == 0 or frame == part.frames:
                 yield _block(frame, waiting)
                 waiting = []
+        if highest > MOST:
+            raise SettingsError(
+                f"more than {MOST} objects up to frame {shot[1] - 1}, more than a label image holds; run the video in pieces "
+                "(video.start, video.end)"
+            )
         last.append(highest)
     yield SuperpixelObjects(**shot_columns(part.frames, found, last[1:]))
 
@@ -97,4 +104,19 @@ def each_frame(objects: SuperpixelObjects, start: int, stop: int) -> Iterator[ND
             yield block.object_of[ends[k] : ends[k + 1]]
 
 
-STAGE = Stage("objects", 3, task, Inputs, Sections, SuperpixelObjects, "video", cost=(14.2, 6.2))
+def _held(s: Sections) -> int:
+    """Frames of a window with its margins."""
+    return LENGTH + 2 * (s.objects.window + MARGIN)
+
+
+STAGE = Stage(
+    "objects",
+    3,
+    task,
+    Inputs,
+    Sections,
+    SuperpixelObjects,
+    "video",
+    cost=(14.2, 6.2),
+    memory=Memory(working=30, frames=_held),
+)

@@ -12,7 +12,7 @@ from zsmoseg import settings
 from zsmoseg.proposals.embedded.superpixels import Superpixels, segment
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
-from zsmoseg.workflows.stage import Part, Stage, reach
+from zsmoseg.workflows.stage import Memory, Part, Stage, reach
 from zsmoseg.workflows.stages.cues.frames import Frames
 
 
@@ -47,4 +47,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Segments]:
     yield Segments(start=part.start, stop=part.stop, segment=found)
 
 
-STAGE = Stage("segments", 2, task, Inputs, Sections, Segments, cost=(7.0, 27.0))
+STAGE = Stage("segments", 2, task, Inputs, Sections, Segments, cost=(7.0, 27.0), memory=Memory(working=12))

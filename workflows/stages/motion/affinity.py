@@ -1,4 +1,4 @@
-"""Stage ``affinity``: the residuals of all pairs of a shot as one similarity of its objects, and who is static."""
+"""Stage ``affinity``: the residuals of all pairs of a window as one similarity of its objects, and who is static."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from zsmoseg.motion.residuals import PairResiduals
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach
-from zsmoseg.workflows.stages.front_end import Objects, Shot, local_ids, shots_of
+from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, local_ids
 from zsmoseg.workflows.stages.motion.epipolar import Epipolar, each_view_pair
 from zsmoseg.workflows.stages.motion.residuals import Residuals
 from zsmoseg.workflows.stages.motion.statistics import Statistics
+from zsmoseg.workflows.stages.windows import all_windows
 
 UNCHANGED = 1e-9
 """Change of the image (grey levels^2 px) that counts as none: a divisor above 0."""
@@ -27,7 +28,7 @@ UNCHANGED = 1e-9
 
 @dataclass(frozen=True)
 class Affinity(Arrays):
-    """The similarity of the objects of a shot; a block is a shot. Objects of different shots have none."""
+    """The similarity of the objects of a window of a shot; a block is a window. Objects that no window shows have none."""
 
     object: NDArray[np.int64] = table("object", dtype="int64", meaning="object")
     affinity: Floats = table(
@@ -78,6 +79,12 @@ class Affinity(Arrays):
         fill=0,
     )
 
+    def visibilities(self, count: int) -> Floats:
+        """(count,) the visibility of the objects by their number; NaN where no window has one."""
+        out = np.full(count, np.nan)
+        out[self.object] = self.visibility
+        return out
+
 
 @dataclass(frozen=True)
 class Inputs:
@@ -85,6 +92,7 @@ class Inputs:
 
     statistics: Statistics = reach(ALL)
     residuals: Residuals = reach(ALL)
+    labels: Labels = reach(ALL)
     objects: Objects = reach(ALL)
 
 
@@ -109,16 +117,16 @@ def cues(s: Sections) -> Mapping[str, Sequence[str]]:
 
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Affinity]:
-    """The affinity of every shot."""
+    """The affinity of every window of every shot."""
     model, kernel = MODELS[s.motion.model], s.affinity.parameters(Kernel)
-    for shot in shots_of(inputs.objects):
-        size = shot.stop - shot.start - 1, len(shot.objects)
-        visibility = read_visibility(inputs.statistics, shot)
-        found = shot_affinity(_pairs(inputs, shot), size, model, kernel, visibility, _views(inputs, shot))
+    for window in all_windows(inputs.objects, inputs.labels):
+        size = window.stop - window.start - 1, len(window.objects)
+        visibility = read_visibility(inputs.statistics, window)
+        found = shot_affinity(_pairs(inputs, window), size, model, kernel, visibility, _views(inputs, window))
         yield Affinity(
-            start=shot.start,
-            stop=shot.stop,
-            object=shot.objects,
+            start=window.start,
+            stop=window.stop,
+            object=window.objects,
             affinity=found.affinity,
             agreement=found.agreement,
             together=found.together,
@@ -172,8 +180,8 @@ def read_visibility(statistics: Statistics, shot: Shot) -> Floats:
     return np.asarray(total[:, 0] / np.maximum(total[:, 1], UNCHANGED))
 
 
-STAGE = Stage("affinity", 4, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1))
+STAGE = Stage("affinity", 5, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1))
 WITH_EPIPOLAR = Stage(
-    "affinity", 4, task, InputsWithEpipolar, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1)
+    "affinity", 5, task, InputsWithEpipolar, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1)
 )
 """The same where ``affinity.cues`` asks for more than flow."""

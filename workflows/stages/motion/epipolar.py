@@ -13,9 +13,10 @@ from zsmoseg.flow.trajectories import Tracks, look_up
 from zsmoseg.grouping.epipolar import epipolar_residuals
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
-from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, shots_of, shrink
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach, working_size
+from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, shrink
 from zsmoseg.workflows.stages.motion.trajectories import Trajectories
+from zsmoseg.workflows.stages.windows import LENGTH, all_windows, block_of
 
 Floats = NDArray[np.float64]
 Ids = NDArray[np.int64]
@@ -23,7 +24,7 @@ Ids = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Epipolar(Arrays):
-    """Residuals of pairs of frames some frames apart, by gap, then by start; a block is a shot."""
+    """Residuals of pairs of frames some frames apart, by gap, then by start; a block is a window of a shot."""
 
     object: Ids = table("object", dtype="int64", meaning="object")
     first: Ids = table("view_pair", dtype="int64", meaning="first frame of the two")
@@ -59,10 +60,10 @@ class Sections:
 
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Epipolar]:
-    """The residuals of every shot, over all its objects."""
+    """The residuals of every window of every shot, over all its objects."""
     grid = working_size(part.probe, s.frames.width)
-    for shot, block in zip(shots_of(inputs.objects), inputs.trajectories.blocks(), strict=True):
-        tracks, count = block.tracks(), len(shot.objects)
+    for shot in all_windows(inputs.objects, inputs.labels):
+        tracks, count = inputs.trajectories.of(shot.start, shot.stop).tracks(), len(shot.objects)
         found = list(
             epipolar_residuals(tracks, _labels(inputs.labels, shot, tracks, grid), s.trajectories.gaps)
         )
@@ -92,11 +93,21 @@ def _labels(labels: Labels, shot: Shot, tracks: Tracks, grid: tuple[int, int]) -
 
 
 def each_view_pair(epipolar: Epipolar, shot: Shot) -> Iterator[tuple[Ids, Floats, Floats]]:
-    """Local ids, residuals and numbers of points of the pairs of a shot, in order."""
-    for block in epipolar.of(shot.start, shot.stop).blocks():
-        for residual, points in zip(block.residual, block.points, strict=True):
-            ids = np.flatnonzero(points > 0)
-            yield ids, residual[np.ix_(ids, ids)], points[ids]
+    """Local ids, residuals and numbers of points of the pairs of a window, in order."""
+    block = block_of(epipolar, shot)
+    for residual, points in zip(block.residual, block.points, strict=True):
+        ids = np.flatnonzero(points > 0)
+        yield ids, residual[np.ix_(ids, ids)], points[ids]
 
 
-STAGE = Stage("epipolar", 2, task, Inputs, Sections, Epipolar, "video", cost=(10.0, 4.0))
+STAGE = Stage(
+    "epipolar",
+    3,
+    task,
+    Inputs,
+    Sections,
+    Epipolar,
+    "video",
+    cost=(10.0, 4.0),
+    memory=Memory(working=1, frames=lambda s: LENGTH),
+)

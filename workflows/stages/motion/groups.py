@@ -1,6 +1,7 @@
-"""Stage ``groups``: what moves, with what, and when: shot by shot.
+"""Stage ``groups``: what moves, with what, and when: window by window of every shot.
 
-It reads the affinity and what lies beside it, and of the statistics the places of the objects.
+An object that several windows show keeps the group of the first in which it moves; in the others it rests, or is in the
+group that this one goes on in. It reads the affinity and what lies beside it, and of the statistics the places of the objects.
 """
 
 from __future__ import annotations
@@ -15,31 +16,30 @@ from zsmoseg import settings
 from zsmoseg.grouping.affinity import ShotAffinity
 from zsmoseg.grouping.groups import Grouping, ShotGroups, group_shot
 from zsmoseg.grouping.instances import end_velocities
+from zsmoseg.grouping.numbering import carried
 from zsmoseg.grouping.pieces import Pieces
 from zsmoseg.motion.models import Floats
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
-from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, local_ids, shots_of
+from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, local_ids
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.statistics import Statistics
+from zsmoseg.workflows.stages.windows import Window, all_windows, block_of
 
 Ids = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Groups(Arrays):
-    """The answer; a block is a shot."""
+    """The answer: when objects move, a block a window; then what is known of each, in one block."""
 
     object: Ids = table("object", dtype="int64", meaning="object")
     group: Ids = table("object", dtype="int64", meaning="motion group, 0 = static")
     instance: Ids = table("object", dtype="int64", meaning="instance that the object belongs to, 0 = static")
-    frames: Ids = table(
-        "object", dtype="int64", meaning="frames in which it is seen", unit="frames", add=True
-    )
-    area: Ids = table(
-        "object", dtype="int64", meaning="pixels as displayed, all frames", unit="px^2", add=True
-    )
+    frames: Ids = table("object", dtype="int64", meaning="frames in which it is seen", unit="frames")
+    frames_moving: Ids = table("object", dtype="int64", meaning="frames in which it moves", unit="frames")
+    area: Ids = table("object", dtype="int64", meaning="pixels as displayed, all frames", unit="px^2")
     excess: Floats = table(
         "object",
         dtype="float64",
@@ -56,7 +56,9 @@ class Groups(Arrays):
         dtype="float32",
         meaning="ln of the odds against the static world: what it costs it, over what is tolerated",
     )
-    shot: Ids = table("shot", dtype="int64", meaning="shot")
+    window: Ids = table("window", dtype="int64", meaning="window, numbered through the video")
+    first_frame: Ids = table("window", dtype="int64", meaning="its first frame")
+    end_frame: Ids = table("window", dtype="int64", meaning="the frame after its last one")
 
     @property
     def world(self) -> Floats:
@@ -64,7 +66,7 @@ class Groups(Arrays):
         return self.tolerance / (self.tolerance + self.excess)
 
     eigenvalue: Floats = table(
-        "shot", "rank", dtype="float64", meaning="of the normalised affinity, the largest first"
+        "window", "rank", dtype="float64", meaning="of the normalised affinity, the largest first"
     )
 
 
@@ -87,65 +89,117 @@ class Sections:
 
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Groups]:
-    """One shot after the other; groups and instances go on counting from shot to shot."""
+    """One window after the other; groups and instances go on counting from shot to shot."""
     warnings: list[str] = []
     part.facts["warnings"] = warnings
-    shots, grid = shots_of(inputs.objects), working_size(part.probe, s.frames.width)
-    grouping, groups, instances = s.groups.parameters(Grouping), 0, 0
-    for shot in shots:
-        pieces, velocity = read_pieces(inputs.statistics, shot)
-        answer = group_shot(read_affinity(inputs.affinity, shot), pieces, velocity, grid, grouping)
-        where = "" if len(shots) == 1 else f"frames {shot.start} to {shot.stop - 1}: "
-        warnings += [f"{where}{text}" for text in answer.warnings]
-        yield _left(inputs.labels, shot, answer, (groups, instances))
-        groups, instances = groups + int(answer.group.max()), instances + int(answer.instance.max())
+    grid, grouping = working_size(part.probe, s.frames.width), s.groups.parameters(Grouping)
+    known = Known.of(int(inputs.objects.last_object[-1]) + 1)
+    colours = read_colours(inputs.statistics, len(known.group))
+    for number, window in enumerate(all_windows(inputs.objects, inputs.labels)):
+        pieces, velocity = read_pieces(inputs.statistics, window, colours)
+        answer = group_shot(read_affinity(inputs.affinity, window), pieces, velocity, grid, grouping)
+        warnings += [f"{_where(part, window)}{text}" for text in answer.warnings]
+        rows = slice(window.first - window.start, window.last - window.start)
+        moving = answer.moving[rows]
+        known.add(window.objects, answer, pieces.area.sum(0).astype(np.float64), moving)
+        yield Groups(
+            start=window.first,
+            stop=window.last,
+            object=window.objects,
+            moving=moving,
+            margin=answer.margin[rows],
+            window=np.array([number], np.int64),
+            first_frame=np.array([window.start], np.int64),
+            end_frame=np.array([window.stop], np.int64),
+            eigenvalue=answer.eigenvalues[None],
+        )
+    yield known.left(part.frames, *_displayed(inputs.labels, len(known.group)))
 
 
-def _left(labels: Labels, shot: Shot, answer: ShotGroups, before: tuple[int, int]) -> Groups:
-    """What is kept of a shot; ``before`` are the largest group and instance of the shots before it."""
-    frames, area = _displayed(labels, shot)
-    return Groups(
-        start=shot.start,
-        stop=shot.stop,
-        object=shot.objects,
-        group=np.where(answer.group > 0, answer.group + before[0], 0),
-        instance=np.where(answer.instance > 0, answer.instance + before[1], 0),
-        frames=frames,
-        area=area,
-        excess=answer.excess,
-        tolerance=answer.tolerance,
-        moving=answer.moving,
-        margin=answer.margin,
-        shot=np.array([shot.number], np.int64),
-        eigenvalue=answer.eigenvalues[None],
-    )
+def _where(part: Part, window: Window) -> str:
+    """What is said before a warning where a window is not the whole video."""
+    whole = window.stop - window.start == part.frames
+    return "" if whole else f"frames {window.start} to {window.stop - 1}: "
 
 
-def _displayed(labels: Labels, shot: Shot) -> tuple[Ids, Ids]:
-    """(objects of the shot,) frames in which each is seen, and its pixels at the displayed size."""
-    frames, area = np.zeros((2, len(shot.objects)), np.int64)
-    for block in labels.of(shot.start, shot.stop).blocks():
-        keep, ids = local_ids(block.object, shot)
-        rows = slice(max(shot.start - block.start, 0), shot.stop - block.start)
-        seen = block.area[rows][:, keep]
-        frames[ids] += (seen > 0).sum(0)
-        area[ids] += seen.sum(0)
+@dataclass
+class Known:
+    """What is known of every object (N) after some windows."""
+
+    group: Ids
+    instance: Ids
+    frames_moving: Ids
+    excess: Floats
+    tolerance: Floats
+    seen: NDArray[np.bool_]
+    """Whether a window had it."""
+
+    @classmethod
+    def of(cls, count: int) -> Known:
+        """Nothing yet."""
+        group, instance, frames = np.zeros((3, count), np.int64)
+        excess, tolerance = np.full((2, count), np.nan)
+        return cls(group, instance, frames, excess, tolerance, np.zeros(count, np.bool_))
+
+    def add(self, objects: Ids, answer: ShotGroups, support: Floats, moving: NDArray[np.bool_]) -> None:
+        """The answer of a window for the ``objects`` in it: the first in which an object moves counts, or the first."""
+        group, instance = (
+            carried(number, before[objects], support, int(before.max()))
+            for number, before in ((answer.group, self.group), (answer.instance, self.instance))
+        )
+        new = ~self.seen[objects] | ((self.group[objects] == 0) & (group > 0))
+        at = objects[new]
+        self.group[at], self.instance[at], self.seen[at] = group[new], instance[new], True
+        self.excess[at], self.tolerance[at] = answer.excess[new], answer.tolerance[new]
+        self.frames_moving[objects] += moving.sum(0)
+
+    def left(self, stop: int, frames: Ids, area: Ids) -> Groups:
+        """All of it, with the frames in which each object is seen, and its pixels at the displayed size."""
+        return Groups(
+            start=0,
+            stop=stop,
+            object=np.arange(len(self.group)),
+            group=self.group,
+            instance=self.instance,
+            frames=frames,
+            frames_moving=self.frames_moving,
+            area=area,
+            excess=self.excess,
+            tolerance=self.tolerance,
+        )
+
+
+def _displayed(labels: Labels, count: int) -> tuple[Ids, Ids]:
+    """(objects,) frames in which each is seen, and its pixels at the displayed size."""
+    frames, area = np.zeros((2, count), np.int64)
+    for block in labels.blocks():
+        frames[block.object] += (block.area > 0).sum(0)
+        area[block.object] += block.area.sum(0)
     return frames, area
 
 
 def read_affinity(affinity: Affinity, shot: Shot) -> ShotAffinity:
-    """The affinity of a shot and what lies beside it."""
-    (block,) = affinity.of(shot.start, shot.stop).blocks()
+    """The affinity of a window and what lies beside it."""
+    block = block_of(affinity, shot)
     return ShotAffinity(**{f.name: getattr(block, f.name) for f in fields(ShotAffinity)})
 
 
-def read_pieces(statistics: Statistics, shot: Shot) -> tuple[Pieces, Floats]:
-    """Place and colour of the objects of a shot, and their velocities (2, N, 2) px a frame at their ends."""
+def read_colours(statistics: Statistics, count: int) -> Ids:
+    """(objects, bins) px of each colour over the whole life of an object: statistics know them by the chunk only."""
+    out: Ids | None = None
+    for block in statistics.blocks():
+        out = np.zeros((count, block.colour.shape[1]), np.int64) if out is None else out
+        out[block.object] += block.colour
+    assert out is not None
+    return out
+
+
+def read_pieces(statistics: Statistics, shot: Shot, colours: Ids) -> tuple[Pieces, Floats]:
+    """Place and colour of the objects of a window, and their velocities (2, N, 2) px a frame at their ends."""
     frames, count = shot.stop - shot.start, len(shot.objects)
     area = np.zeros((frames, count), np.int32)
     box = np.full((frames, count, 4), np.nan, np.float32)
     velocity = np.full((frames - 1, count, 2), np.nan)
-    colour: Ids | None = None
     for block in statistics.of(shot.start, shot.stop).blocks():
         keep, ids = local_ids(block.object, shot)
         first, last = max(block.start, shot.start), min(block.stop, shot.stop)
@@ -154,11 +208,7 @@ def read_pieces(statistics: Statistics, shot: Shot) -> tuple[Pieces, Floats]:
         box[first - shot.start : last - shot.start, ids] = block.box[rows][:, keep]
         pairs = slice(first - block.start, min(last, shot.stop - 1) - block.start)
         velocity[first - shot.start :][: pairs.stop - pairs.start, ids] = block.velocity[pairs][:, keep]
-        if colour is None:
-            colour = np.zeros((count, block.colour.shape[1]), np.int64)
-        colour[ids] += block.colour[keep]
-    assert colour is not None
-    return Pieces(area, box, colour), end_velocities(velocity)
+    return Pieces(area, box, colours[shot.objects]), end_velocities(velocity)
 
 
 def moving_objects(groups: Groups, start: int, stop: int) -> NDArray[np.bool_]:
@@ -169,4 +219,4 @@ def moving_objects(groups: Groups, start: int, stop: int) -> NDArray[np.bool_]:
     return out
 
 
-STAGE = Stage("groups", 5, task, Inputs, Sections, Groups, "video", cost=(0.5, 0.1))
+STAGE = Stage("groups", 6, task, Inputs, Sections, Groups, "video", cost=(0.5, 0.1))

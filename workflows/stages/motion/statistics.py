@@ -17,7 +17,7 @@ from zsmoseg.motion.photometric import grey
 from zsmoseg.motion.statistics import Sums, mean_flow
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.workflows.stage import Part, Stage, ignored, reach, working_size
+from zsmoseg.workflows.stage import Memory, Part, Stage, ignored, reach, working_size
 from zsmoseg.workflows.stages.cues.depth import Depth
 from zsmoseg.workflows.stages.cues.flow import Flow
 from zsmoseg.workflows.stages.cues.frames import Frames
@@ -120,4 +120,6 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Statistics]:
     )
 
 
-STAGE = Stage("statistics", 6, task, Inputs, Sections, Statistics, cost=(3.9, 18.0))
+STAGE = Stage(
+    "statistics", 6, task, Inputs, Sections, Statistics, cost=(3.9, 18.0), memory=Memory(working=40)
+)

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.flow.trajectories import Tracks, follow
+from zsmoseg.flow.trajectories import Tracks, each_frame
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
+
+BLOCK = 16
+"""Frames that are written at once."""
 
 
 @dataclass(frozen=True)
 class Trajectories(Arrays):
-    """The points of all frames one after the other; a block is a shot."""
+    """The points of all frames one after the other."""
 
     points: NDArray[np.int64] = table("frame", dtype="int64", meaning="number of points")
     track: NDArray[np.int64] = table("point", dtype="int64", meaning="number of the track within its shot")
@@ -27,9 +31,14 @@ class Trajectories(Arrays):
     )
 
     def tracks(self) -> Tracks:
-        """The tracks of one block."""
-        frame = np.repeat(np.arange(len(self.points)), self.points)
-        return Tracks(self.track, frame, self.place)
+        """The tracks through these frames, of one shot; its first frame is 0."""
+        found = []
+        for block in self.blocks():
+            frame = np.repeat(np.arange(block.start, block.stop), block.points)
+            inside = slice(*np.searchsorted(frame, [self.start, self.stop]))
+            found.append((block.track[inside], frame[inside] - self.start, block.place[inside]))
+        track, at, place = (np.concatenate(column) for column in zip(*found, strict=True))
+        return Tracks(track, at, place)
 
 
 @dataclass(frozen=True)
@@ -52,9 +61,22 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Trajectories]:
     grid = working_size(part.probe, s.frames.width)
     for start, stop in between_cuts(inputs.flow.state):
         pairs = (inputs.flow.of(m, m + 1) for m in range(start, stop - 1))
-        tracks = follow(((p.forward[0], p.backward[0]) for p in pairs), *grid, s.trajectories.spacing)
-        points = np.bincount(tracks.frame, minlength=stop - start)
-        yield Trajectories(start=start, stop=stop, points=points, track=tracks.track, place=tracks.place)
+        found = each_frame(((p.forward[0], p.backward[0]) for p in pairs), *grid, s.trajectories.spacing)
+        for at in range(start, stop, BLOCK):
+            some = list(islice(found, BLOCK))
+            track, place = (np.concatenate(column) for column in zip(*some, strict=True))
+            points = np.array([len(numbers) for numbers, _ in some], np.int64)
+            yield Trajectories(start=at, stop=at + len(some), points=points, track=track, place=place)
 
 
-STAGE = Stage("trajectories", 2, task, Inputs, Sections, Trajectories, "video", cost=(2.0, 16.0))
+STAGE = Stage(
+    "trajectories",
+    3,
+    task,
+    Inputs,
+    Sections,
+    Trajectories,
+    "video",
+    cost=(2.0, 16.0),
+    memory=Memory(working=100, frames=lambda s: 1),
+)

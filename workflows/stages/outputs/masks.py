@@ -13,7 +13,7 @@ from zsmoseg.painting.numbers import paint_table
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.stores import files
 from zsmoseg.video.probe import Probe
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 
@@ -54,4 +54,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     yield from ()
 
 
-STAGE = Stage("masks", 2, task, Inputs, Sections, files=names, cost=(2.7, 4.0))
+STAGE = Stage("masks", 2, task, Inputs, Sections, files=names, cost=(2.7, 4.0), memory=Memory(shown=1))

@@ -18,7 +18,7 @@ from zsmoseg.painting.overlay import overlay
 from zsmoseg.stores import files
 from zsmoseg.video.decoding import media
 from zsmoseg.video.probe import Probe
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 
@@ -95,4 +95,14 @@ def _rate(probe: Probe) -> Fraction:
     return Fraction(1 / max(step, SHORTEST)).limit_denominator(DENOMINATOR)
 
 
-STAGE = Stage("overlay", 2, task, Inputs, Sections, scope="video", files=names, cost=(5.6, 25.0))
+STAGE = Stage(
+    "overlay",
+    2,
+    task,
+    Inputs,
+    Sections,
+    scope="video",
+    files=names,
+    cost=(5.6, 25.0),
+    memory=Memory(shown=4, frames=lambda s: BLOCK),
+)

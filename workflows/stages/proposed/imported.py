@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from zsmoseg import settings
 from zsmoseg.workflows.imports.contents import masks_of
-from zsmoseg.workflows.stage import Part, Stage
+from zsmoseg.workflows.stage import Memory, Part, Stage
 from zsmoseg.workflows.stages.proposed.proposals import Proposals, proposals_of
 
 
@@ -31,4 +31,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Proposals]:
     yield proposals_of(part.start, found, part.displayed)
 
 
-STAGE = Stage("proposals", 2, task, Inputs, Sections, Proposals, cost=(6.0, 8.0))
+STAGE = Stage("proposals", 2, task, Inputs, Sections, Proposals, cost=(6.0, 8.0), memory=Memory(shown=6))

@@ -9,7 +9,7 @@ import numpy as np
 
 from zsmoseg import settings
 from zsmoseg.tracking.carrying import here, look_up, nearest_known, step
-from zsmoseg.workflows.stage import ALL, Part, Stage, ignored, reach
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, ignored, reach
 from zsmoseg.workflows.stages.cues.flow import Flow, Vectors, between_cuts
 from zsmoseg.workflows.stages.front_end import Labels, labels_of
 from zsmoseg.workflows.stages.proposed.objects import MaskObjects, lookups
@@ -34,12 +34,15 @@ class Sections:
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     """Paint one chunk."""
-    tables = lookups(inputs.objects)
     mask = ignored(s.ignore, *part.displayed)
     labels = np.zeros((part.stop - part.start, *part.displayed), np.uint16)
     for start, stop in between_cuts(inputs.flow.state):
+        first, last = max(start, part.start), min(stop, part.stop)
+        if first >= last:
+            continue
         nearest = nearest_known(inputs.objects.known, start, stop)
-        for t in range(max(start, part.start), min(stop, part.stop)):
+        tables = lookups(inputs.objects, {int(t) for t in nearest[first - start : last - start] if t >= 0})
+        for t in range(first, last):
             if (source := int(nearest[t - start])) >= 0:
                 given = inputs.proposals.of(source, source + 1).mask[0]
                 label = tables[source][given].astype(np.uint16)
@@ -63,4 +66,4 @@ def _path(flow: Flow, source: int, frame: int) -> Vectors:
     return where
 
 
-STAGE = Stage("labels", 2, task, Inputs, Sections, Labels, cost=(3.0, 5.0))
+STAGE = Stage("labels", 2, task, Inputs, Sections, Labels, cost=(3.0, 5.0), memory=Memory(shown=4))

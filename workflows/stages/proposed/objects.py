@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ from zsmoseg import settings
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.fields import table
 from zsmoseg.tracking.linking import Linker, Linking
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow, between_cuts
 from zsmoseg.workflows.stages.front_end import Objects, shot_columns, shrink
 from zsmoseg.workflows.stages.proposed.naming import categories
@@ -99,15 +99,18 @@ def named_objects(proposals: Proposals, object_of: Ids, objects: int, names: int
         return {}
     assert proposals.category_of is not None
     assert proposals.score is not None
-    cell = object_of * names + proposals.category_of
-    votes, masks = (
-        np.bincount(cell, w, objects * names).reshape(objects, names)
-        for w in (proposals.score.astype(np.float64), None)
+    # only the pairs of object and category that masks have: a table of all grows with the square of a video's length
+    cell, row, masks = np.unique(
+        object_of * names + proposals.category_of, return_inverse=True, return_counts=True
     )
-    votes[0] = 0.0
-    best, rows = votes.argmax(1), np.arange(objects)
-    some = votes[rows, best] > 0
-    score = np.where(some, votes[rows, best] / np.maximum(masks[rows, best], 1), np.nan)
+    votes = np.bincount(row.ravel(), proposals.score.astype(np.float64), len(cell))
+    order = np.lexsort((-cell, votes))  # of those that are assigned to one place the last one stays
+    top = np.full(objects, -1, np.int64)
+    top[cell[order] // names] = order
+    top[0] = -1
+    some = (top >= 0) & (np.append(votes, 0.0)[top] > 0)
+    best = np.append(cell % names, 0)[top]
+    score = np.where(some, np.append(votes / masks, np.nan)[top], np.nan)
     return {
         "category_of": np.where(some, best, -1).astype(np.int64),
         "score": score.astype(np.float32),
@@ -169,17 +172,26 @@ def _linked(
     return objects, last
 
 
-def lookups(objects: MaskObjects) -> dict[int, Ids]:
-    """For every frame with masks the table from number to object."""
-    ends, found = np.cumsum([0, *objects.masks]), {}
-    for t in np.flatnonzero(objects.known):
+def lookups(objects: MaskObjects, frames: Iterable[int]) -> dict[int, Ids]:
+    """For some frames with masks the table from number to object."""
+    ends, found = np.append(0, np.cumsum(objects.masks)), {}
+    for t in frames:
         rows = slice(ends[t], ends[t + 1])
         lookup = np.zeros(int(objects.number[rows].max(initial=0)) + 1, np.int64)
         lookup[objects.number[rows]] = objects.object_of[rows]
-        found[int(t)] = lookup
+        found[t] = lookup
     return found
 
 
 STAGE = Stage(
-    "objects", 2, task, Inputs, Sections, MaskObjects, "video", labels=labels_of_categories, cost=(2.0, 0.1)
+    "objects",
+    2,
+    task,
+    Inputs,
+    Sections,
+    MaskObjects,
+    "video",
+    labels=labels_of_categories,
+    cost=(2.0, 0.1),
+    memory=Memory(shown=10, frames=lambda s: 1),
 )

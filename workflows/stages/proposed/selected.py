@@ -12,7 +12,7 @@ from zsmoseg import settings
 from zsmoseg.formats.overlaps import FrameMasks, stack
 from zsmoseg.formats.rle import area, mask_of, overlaps_of, unpacked
 from zsmoseg.proposals.candidates import Criteria, chosen
-from zsmoseg.workflows.stage import Part, Stage, reach
+from zsmoseg.workflows.stage import Memory, Part, Stage, reach
 from zsmoseg.workflows.stages.proposed.detections import Detections
 from zsmoseg.workflows.stages.proposed.looks import span_of
 from zsmoseg.workflows.stages.proposed.naming import categories
@@ -93,5 +93,14 @@ def _labels(s: Sections) -> Mapping[str, Sequence[str]]:
 
 
 STAGE = Stage(
-    "proposals", 1, task, Inputs, Sections, Proposals, labels=_labels, span=span_of, cost=(10.0, 8.0)
+    "proposals",
+    1,
+    task,
+    Inputs,
+    Sections,
+    Proposals,
+    labels=_labels,
+    span=span_of,
+    cost=(10.0, 8.0),
+    memory=Memory(shown=6),
 )

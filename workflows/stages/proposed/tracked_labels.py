@@ -9,7 +9,7 @@ import numpy as np
 
 from zsmoseg import settings
 from zsmoseg.formats.rle import mask_of, unpacked
-from zsmoseg.workflows.stage import ALL, Part, Stage, ignored, reach
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, ignored, reach
 from zsmoseg.workflows.stages.front_end import Labels, labels_of
 from zsmoseg.workflows.stages.proposed.tracks import Tracks
 
@@ -33,6 +33,8 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     mask = ignored(s.ignore, *part.displayed)
     labels = np.zeros((part.stop - part.start, *part.displayed), np.uint16)
     for block in inputs.tracks.of(part.start, part.stop).blocks():
+        if not block.has("tracked"):
+            continue
         frame_of = np.repeat(np.arange(block.start, block.stop), block.tracked)
         for t, n, rle in zip(
             frame_of, block.object_of, unpacked(block.length, block.run, part.displayed), strict=True
@@ -44,4 +46,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     yield labels_of(part.start, labels)
 
 
-STAGE = Stage("labels", 1, task, Inputs, Sections, Labels, cost=(5.0, 5.0))
+STAGE = Stage("labels", 1, task, Inputs, Sections, Labels, cost=(5.0, 5.0), memory=Memory(shown=4))
