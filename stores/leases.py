@@ -42,19 +42,20 @@ def lease(path: PurePath, done: Callable[[], bool] = lambda: False) -> Iterator[
     ------
     False where ``done`` says, while waiting, that there is nothing to do any more: the lease is not held then.
     """
-    held = _wait(path, done)
-    if held is None:
-        yield False
-        return
-    stop = threading.Event()
-    beat = threading.Thread(target=held.beat, args=(stop,), daemon=True)
-    beat.start()
-    try:
-        yield True
-    finally:
-        stop.set()
-        beat.join()
-        held.give_up()
+    with files.no_look():
+        held = _wait(path, done)
+        if held is None:
+            yield False
+            return
+        stop = threading.Event()
+        beat = threading.Thread(target=held.beat, args=(stop,), daemon=True)
+        beat.start()
+        try:
+            yield True
+        finally:
+            stop.set()
+            beat.join()
+            held.give_up()
 
 
 def sweep(folder: PurePath) -> None:
@@ -101,7 +102,7 @@ class _Held:
     def give_up(self) -> None:
         """Take it away, unless it is another's by now."""
         if self.file is not None and _read(self.path).get("id") == self.holder["id"]:
-            files.remove(self.path)
+            files.unlink(self.path)
 
 
 def _wait(path: PurePath, done: Callable[[], bool]) -> _Held | None:

@@ -124,4 +124,4 @@ def forget_run(store: Store, run: str) -> None:
     """
     if run not in run_ids(store):
         raise StoreError(f"{store.path}: no run {run}; see zsmoseg runs")
-    files.remove(run_path(store, run))
+    files.unlink(run_path(store, run))

@@ -15,7 +15,7 @@ from pathlib import Path, PurePath
 from typing import BinaryIO
 
 from zsmoseg.errors import SpaceError
-from zsmoseg.remote.bucket import Stat
+from zsmoseg.remote.looks import Stat
 
 TRIES = 5
 """Times that another process may take a name away, or give it, while a file is made."""
@@ -239,11 +239,15 @@ def write_whole(path: PurePath, content: bytes, sync: bool = False) -> None:
             os.fsync(file.fileno())
 
 
+def unlink(path: PurePath) -> None:
+    Path(path).unlink(missing_ok=True)
+
+
 def remove(path: PurePath) -> None:
     if os.path.isdir(path) and not os.path.islink(path):
         shutil.rmtree(path, ignore_errors=True)
     else:
-        Path(path).unlink(missing_ok=True)
+        unlink(path)
 
 
 def leftovers(path: PurePath, everywhere: bool = True) -> list[PurePath]:

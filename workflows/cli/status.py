@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from zsmoseg.workflows.cli.common import store_option, store_path
+
+if TYPE_CHECKING:
+    from zsmoseg.stores.location import Store
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -14,10 +18,18 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """A line a video of the latest runs, and what is not finished."""
+    from zsmoseg.stores import files
     from zsmoseg.stores.location import Store
-    from zsmoseg.stores.runs import list_runs
 
     store = Store.open(store_path(options.store), create=False)
+    with files.looking_at(store.path):
+        _print(store)
+    return 0
+
+
+def _print(store: Store) -> None:
+    from zsmoseg.stores.runs import list_runs
+
     latest = {name: run for run in list_runs(store) for name in run["videos"]}
     if not latest:
         print(f"{store.path}: no runs yet")
@@ -33,4 +45,3 @@ def main(options: argparse.Namespace) -> int:
         failure = run.get("failures", {}).get(name)
         state = f"failed: {failure}" if failure else "unfinished: " + ", ".join(states) if states else "done"
         print(f"{name:<24} {run['outcome']:<11} {state}  -> {entry['out']}")
-    return 0

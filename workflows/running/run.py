@@ -14,7 +14,7 @@ from zsmoseg.errors import (
     system_errors_in_words,
 )
 from zsmoseg.networks.session import chosen_provider
-from zsmoseg.remote.bucket import one_look
+from zsmoseg.remote.looks import one_look
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import RunRecord
@@ -96,22 +96,20 @@ def _planned(request: Request, store: Store, source: str, name: str, alone: bool
     fingerprint = store.fingerprint(source, settings.video.fingerprint)
     looked = probe(source, settings.video.parameters(Excerpt))
     video = store.video_id(name, fingerprint)
-    for folder in (store.video(video).path, request.out / name):
-        if files.is_remote(folder):
-            files.listing(folder)
-    return plan_video(
-        store,
-        source,
-        name,
-        video,
-        fingerprint,
-        looked,
-        settings,
-        str(request.out / name),
-        request.start_from,
-        request.until,
-        alone,
-    )
+    with files.looking_at(store.video(video).path, request.out / name):
+        return plan_video(
+            store,
+            source,
+            name,
+            video,
+            fingerprint,
+            looked,
+            settings,
+            str(request.out / name),
+            request.start_from,
+            request.until,
+            alone,
+        )
 
 
 def run(request: Request, watcher: Watcher | None = None) -> Report:
@@ -307,7 +305,8 @@ def jobs(
 def _finish(plan: VideoPlan, request: Request, report: Report, watcher: Watcher) -> None:
     """Seal what is complete; clear and describe the output folder."""
     try:
-        summary = seal_video(plan, request.settings)
+        with files.looking_at(request.store / plan.video, plan.output.path):
+            summary = seal_video(plan, request.settings)
     except Exception as error:
         report.fail(plan.name, Failure.of(error, plan.source), watcher)
         return

@@ -10,6 +10,7 @@ from pathlib import Path
 from zsmoseg.errors import VideoError
 from zsmoseg.remote import bucket
 from zsmoseg.remote.copies import local_copy
+from zsmoseg.remote.looks import Stat
 from zsmoseg.remote.url import URL, is_url, place
 
 
@@ -117,7 +118,7 @@ def size_and_time(name: str) -> str:
     return f"{stat.size} {stat.modified}"
 
 
-def _stat(far: URL) -> bucket.Stat:
+def _stat(far: URL) -> Stat:
     found = bucket.stat(far)
     if found is None:
         raise FileNotFoundError(2, "no such file or folder", str(far))
