@@ -41,11 +41,12 @@ PREFIXES = {"s3": "AWS_", "gs": "GOOGLE_", "az": "AZURE_"}
 
 def of(url: URL) -> Any:
     """The bucket or host of a URL, as obstore has it."""
-    return _connect(url.scheme, url.bucket)
+    return connect(url.scheme, url.bucket)
 
 
 @lru_cache(maxsize=64)
-def _connect(scheme: str, bucket: str) -> Any:
+def connect(scheme: str, bucket: str) -> Any:
+    """A bucket or host; made once, with the environment of that moment."""
     from obstore.store import MemoryStore, from_url
 
     if scheme == "memory":
@@ -58,9 +59,9 @@ def _connect(scheme: str, bucket: str) -> Any:
         value = os.environ.get(PREFIXES.get(scheme, "HTTP_") + name.upper())
         if value:
             options[name] = value.lower() == "true" if name.startswith("allow") else value
-    connect: Any = from_url
+    make: Any = from_url
     more = {"credential_provider": found} if scheme == "s3" and (found := _profile()) else {}
-    return ask(root, lambda: connect(str(root), client_options=options, retry_config=RETRY, **more))
+    return ask(root, lambda: make(str(root), client_options=options, retry_config=RETRY, **more))
 
 
 def _profile() -> Any:
