@@ -8,20 +8,26 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from datetime import timedelta
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Thread
+from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.buckets import KEY, SECRET, Proxy, environment, s3_server
 from tests.conftest import draw_clip, write_folder, write_mp4
 from tests.runs import Counter, segment
-from zsmoseg.errors import VideoError
-from zsmoseg.remote import bucket, connection
+from zsmoseg.errors import AccessError, VideoError
+from zsmoseg.remote import bucket, connection, copies
 from zsmoseg.remote.url import URL, folder, local_folder, place
 from zsmoseg.settings import resolve
 from zsmoseg.stores import files, leases
 from zsmoseg.stores.leases import lease
+from zsmoseg.video.frames import read
+from zsmoseg.video.probe import Excerpt, probe
 from zsmoseg.video.sources import fingerprint, image_files, sources, stat_signature, unique_names
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.running.request import Quiet, Report, Request, Watcher
@@ -246,6 +252,48 @@ def test_a_dataset_behind_a_url_is_found_as_on_a_disk(memory: URL, tmp_path: Pat
             assert fingerprint(one, "content") == fingerprint(other, "content")
     with pytest.raises(VideoError, match="no such file"):
         sources([f"{memory}/nothing"])
+
+
+def test_a_film_on_a_web_server_is_a_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Served(SimpleHTTPRequestHandler):
+        def __init__(self, *words: Any) -> None:
+            super().__init__(*words, directory=str(tmp_path / "web"))
+
+        def log_message(self, *words: object) -> None:
+            return
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    (tmp_path / "web").mkdir()
+    film = write_mp4(tmp_path / "web" / "a film.mp4", FRAMES)
+    with ThreadingHTTPServer(("127.0.0.1", 0), Served) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        root = f"http://127.0.0.1:{server.server_address[1]}"
+        far, near = sources([f"{root}/a%20film.mp4", str(film)])
+        assert fingerprint(far, "content") == fingerprint(near, "content")
+        excerpt = resolve().video.parameters(Excerpt)
+        looked = [probe(source, excerpt) for source in (far, near)]
+        frames = [np.stack(list(read(one, 0, 5))) for one in looked]
+        assert np.array_equal(*frames)
+        with pytest.raises(VideoError, match="no such file"):
+            sources([f"{root}/nothing.mp4"])
+        server.shutdown()
+
+
+def test_copies_stay_within_their_bound(memory: URL, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(copies, "BOUND", 25)
+    monkeypatch.setattr(copies, "RECENT", -1.0)
+    for n in range(4):
+        files.write(memory / f"{n}.png", b"0123456789")
+        copy = copies.local_copy(memory / f"{n}.png")
+        assert copy.read_bytes() == b"0123456789"
+    assert len(list(copies.folder().iterdir())) == 2
+    files.write(memory / "3.png", b"other")
+    assert copies.local_copy(memory / "3.png").read_bytes() == b"other"
+    assert not copy.exists(), "what was replaced goes"
+    copies.folder().chmod(0o777)
+    with pytest.raises(AccessError, match="others may write there"):
+        copies.local_copy(memory / "3.png")
 
 
 # ------------------------------------------------------------------ S3
