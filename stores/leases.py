@@ -43,16 +43,17 @@ def lease(path: PurePath, done: Callable[[], bool] = lambda: False) -> Iterator[
     ------
     False where ``done`` says, while waiting, that there is nothing to do any more: the lease is not held then.
     """
-    held = _wait(path, done)
-    if held is None:
-        yield False
-        return
-    _heart.add(held)
-    try:
-        yield True
-    finally:
-        _heart.discard(held)
-        held.give_up()
+    with files.no_look():
+        held = _wait(path, done)
+        if held is None:
+            yield False
+            return
+        _heart.add(held)
+        try:
+            yield True
+        finally:
+            _heart.discard(held)
+            held.give_up()
 
 
 def sweep(folder: PurePath) -> None:
@@ -98,7 +99,7 @@ class _Held:
     def give_up(self) -> None:
         """Take it away, unless it is another's by now."""
         if self.file is not None and _read(self.path).get("id") == self.holder["id"]:
-            files.remove(self.path)
+            files.unlink(self.path)
 
 
 class _Heart:

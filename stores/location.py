@@ -99,7 +99,7 @@ class Store:
         marked = store._check_mark()
         if not marked and not store._looks_like_one():
             raise StoreError(f"{path}: is not a store: it holds other things; give another folder (--store)")
-        if not files.exists(store.path) and not create:
+        if not files.is_folder(store.path) and not create:
             raise StoreError(f"{path}: there is no store; zsmoseg run makes one, --store names another")
         if create:
             store._make(marked)

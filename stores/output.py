@@ -15,7 +15,7 @@ from zsmoseg.errors import OutputError
 from zsmoseg.stores import files
 from zsmoseg.stores.checks import Damage
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.records import read_json, read_record, write_record
+from zsmoseg.stores.records import as_json, read_json, read_record, write_record
 from zsmoseg.stores.runs import outputs
 from zsmoseg.video.plain_names import stays
 
@@ -36,6 +36,7 @@ class Output:
         self.video = video
         listed = _read_list(self.path / LIST)
         self.listed = listed is not None
+        self._listed = as_json(listed or {})
         content = listed or {"video": None, "files": {}, "stages": {}}
         self.owner: str | None = content["video"]
         self.files: dict[str, dict[str, Any]] = content["files"]
@@ -144,7 +145,10 @@ class Output:
         self._write()
 
     def write(self, name: str, content: bytes, key: str) -> None:
-        """Write a file, whole or not at all, and note it."""
+        """Write a file, whole or not at all, and note it; not if it is there with this content."""
+        old, found = self.files.get(name), {"size": len(content), "crc32": files.crc32(content), "key": key}
+        if old and found.items() <= old.items() and not _differs(self.path / name, old):
+            return
         self.add({name: files.write_noted(files.below(self.path, name, OutputError), content)}, key)
 
     def finish(self, contents: Mapping[str, bytes], key: str, keep: Iterable[str]) -> None:
@@ -166,7 +170,7 @@ class Output:
         kept = set(keep)
         for name in [n for n in self.files if n not in kept]:
             with suppress(OutputError):
-                files.remove(files.below(self.path, name, OutputError))
+                files.unlink(files.below(self.path, name, OutputError))
             del self.files[name]
         self._write()
 
@@ -177,7 +181,10 @@ class Output:
         self._write()
 
     def _write(self) -> None:
-        content = {"video": self.video, "files": self.files, "stages": self.stages}
+        content = as_json({"video": self.video, "files": self.files, "stages": self.stages})
+        if content == self._listed:
+            return
+        self._listed = content
         write_record(files.below(self.path, LIST, OutputError), content)
 
 
@@ -230,10 +237,16 @@ def known_outputs(store: Store) -> Iterator[tuple[Output, list[Damage]]]:
         path = files.folder(place)
         if files.is_link(path) or not files.is_folder(path):
             continue
-        output = Output(path, video)
-        if not output.listed:
-            yield output, [Damage(path / LIST, None, "is missing or damaged")]
-        elif output.foreign:
-            yield output, [Damage(path / LIST, None, f"lists the files of another source ({output.owner})")]
-        else:
-            yield output, [Damage(path / name, None, what) for name, what in output.damages()]
+        with files.looking_at(path):
+            output = Output(path, video)
+            found = _damages(output)
+        yield output, found
+
+
+def _damages(output: Output) -> list[Damage]:
+    path = output.path
+    if not output.listed:
+        return [Damage(path / LIST, None, "is missing or damaged")]
+    if output.foreign:
+        return [Damage(path / LIST, None, f"lists the files of another source ({output.owner})")]
+    return [Damage(path / name, None, what) for name, what in output.damages()]

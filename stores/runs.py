@@ -153,7 +153,7 @@ def forget_run(store: Store, run: str) -> None:
     if not paths and run not in run_ids(store):
         raise StoreError(f"{store.path}: no run {run}; see zsmoseg runs")
     for path in [*paths, run_path(store, run)]:
-        files.remove(path)
+        files.unlink(path)
 
 
 # ---------------------------------------------------------------------- videos of runs

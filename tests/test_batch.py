@@ -18,9 +18,8 @@ from typing import Any
 import pytest
 from conftest import draw_clip, write_folder
 from runs import segment
-from zsmoseg.workflows.running.local_paths import local_folder
 
-from zsmoseg.errors import AccessError, SettingsError, SpaceError, StoreError, system_errors_in_words
+from zsmoseg.errors import AccessError, SettingsError, SpaceError, system_errors_in_words
 from zsmoseg.settings import resolve
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
@@ -610,42 +609,6 @@ def test_errors_of_the_system_are_told_from_ours() -> None:
 
 
 # ------------------------------------------------------------------ URLs and colons
-@pytest.mark.parametrize(
-    "url", ["s3://bucket/x", "gs://b/x", "https://host/x", "memory://x", "file:///x", "whatever+x://y"]
-)
-@pytest.mark.parametrize("option", ["--store", "-o"])
-def test_a_url_is_refused_and_makes_no_folder(
-    url: str,
-    option: str,
-    data: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["run", str(data), option, url]) == 2
-    one_line(capsys.readouterr().err.strip(), url, "is a URL; stores and outputs are local folders")
-    assert [path.name for path in tmp_path.iterdir()] == ["data"]
-
-
-def test_a_url_in_the_environment_or_from_python_is_refused_too(
-    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(StoreError, match="is a URL"):
-        run(Request([str(data)], Path("out"), Path("s3://bucket/store"), scheduler="serial"))
-    with pytest.raises(StoreError, match="is a URL"):
-        run(Request([str(data)], Path("gs://bucket/out"), Path("store"), scheduler="serial"))
-    monkeypatch.setenv("ZSMOSEG_STORE", "s3://bucket/store")
-    assert main(["status"]) == 2
-    assert "is a URL" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("path", ["run:2", "C:/x", "s3", "a:b/c:d", "s3:x", "/abs:/x"])
-def test_a_colon_makes_no_url(path: str) -> None:
-    assert local_folder(path) == Path(path)
-
-
 def test_colons_in_the_names_of_video_output_and_store_are_names(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

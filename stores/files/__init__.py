@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
 from zsmoseg.errors import StoreError, ZsmosegError
-from zsmoseg.remote.bucket import Stat as Stat
-from zsmoseg.remote.bucket import one_look as one_look
+from zsmoseg.remote.looks import Stat as Stat
+from zsmoseg.remote.looks import no_look as no_look
+from zsmoseg.remote.looks import one_look as one_look
 from zsmoseg.remote.url import URL
 from zsmoseg.remote.url import folder as folder
 from zsmoseg.stores.files import local, remote
@@ -67,6 +68,18 @@ def below(root: P, name: object, error: type[ZsmosegError] = StoreError, *, one:
         if os.path.islink(path):
             raise error(f"{path}: is a link, and zsmoseg makes and follows none here; remove it")
     return type(root)(path)
+
+
+@contextmanager
+def looking_at(*folders: PurePath) -> Iterator[None]:
+    """Within the block this thread asks for no file below ``folders`` again: of a URL one listing tells it all.
+
+    What this thread writes or removes meanwhile it knows; leases, and what is done while one is held, look anew.
+    """
+    with one_look():
+        for folder in filter(is_remote, folders):
+            listing(folder)
+        yield
 
 
 def is_remote(path: PurePath) -> bool:
@@ -276,6 +289,11 @@ def write_noted(path: PurePath, content: bytes) -> dict[str, Any]:
     """``write_whole``, then ``noted``."""
     write_whole(path, content)
     return noted(path, content)
+
+
+def unlink(path: PurePath) -> None:
+    """Remove a file, if it is there; of a URL with one request less than ``remove``."""
+    on(path).unlink(path)
 
 
 def remove(path: PurePath) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path, PurePath
 from typing import BinaryIO
 
 from zsmoseg.errors import SpaceError
-from zsmoseg.remote.bucket import Stat
+from zsmoseg.remote.looks import Stat
 from zsmoseg.stores.files.storage import STALE
 
 TRIES = 5
@@ -244,11 +244,15 @@ def write_whole(path: PurePath, content: bytes, sync: bool = False) -> None:
             os.fsync(file.fileno())
 
 
+def unlink(path: PurePath) -> None:
+    Path(path).unlink(missing_ok=True)
+
+
 def remove(path: PurePath) -> None:
     if os.path.isdir(path) and not os.path.islink(path):
         shutil.rmtree(path, ignore_errors=True)
     else:
-        Path(path).unlink(missing_ok=True)
+        unlink(path)
 
 
 LEFT = ("partial", "tmp", "lease")

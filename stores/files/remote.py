@@ -12,8 +12,8 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path, PurePath
 from typing import Any
 
-from zsmoseg.remote import bucket
-from zsmoseg.remote.bucket import Stat
+from zsmoseg.remote import bucket, connection
+from zsmoseg.remote.looks import Stat
 from zsmoseg.remote.url import URL
 from zsmoseg.stores.files.storage import STALE
 
@@ -126,6 +126,10 @@ def appearing(path: PurePath) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
+def unlink(path: PurePath) -> None:
+    bucket.unlink(_url(path))
+
+
 def remove(path: PurePath) -> None:
     bucket.delete(_url(path))
 
@@ -154,7 +158,7 @@ def zarr_store(path: PurePath) -> Any:
     from zarr.storage import ObjectStore, StorePath
 
     url = _url(path)
-    return StorePath(ObjectStore(bucket.of(url)), url.key)
+    return StorePath(ObjectStore(connection.of(url)), url.key)
 
 
 def zip_store(path: PurePath) -> Any:
@@ -169,7 +173,7 @@ def zip_store(path: PurePath) -> Any:
 
 
 def errors_in_words(path: PurePath) -> AbstractContextManager[None]:
-    return bucket.errors_in_words(_url(path))
+    return connection.errors_in_words(_url(path))
 
 
 def free(path: PurePath) -> int | None:

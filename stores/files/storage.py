@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path, PurePath
 from typing import Any, Protocol
 
-from zsmoseg.remote.bucket import Stat
+from zsmoseg.remote.looks import Stat
 
 STALE = 3600.0
 """Seconds after which an unfinished file is a leftover of a process that is gone."""
@@ -82,6 +82,9 @@ class Storage(Protocol):
 
     def appearing(self, path: PurePath) -> AbstractContextManager[Path]:
         """A local path to write to; at the end that takes the place of ``path``, after an error it is removed."""
+
+    def unlink(self, path: PurePath) -> None:
+        """Remove a file, if it is there."""
 
     def remove(self, path: PurePath) -> None:
         """Remove a file or a folder with all that is in it, if it is there."""

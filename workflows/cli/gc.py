@@ -18,11 +18,13 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Show what would go, ask, remove."""
+    from zsmoseg.stores import files
     from zsmoseg.stores.location import Store
     from zsmoseg.stores.upkeep import garbage, remove_garbage
 
     store = Store.open(store_path(options.store), create=False)
-    found = garbage(store, options.forget)
+    with files.looking_at(store.path):
+        found = garbage(store, options.forget)
     for path in found.paths:
         print(path)
     print(f"{len(found.paths)} artifacts and leftovers, {found.size / 1e6:.1f} MB")

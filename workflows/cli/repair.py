@@ -15,11 +15,13 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Show what is damaged, ask, take back the records of it; the files stay until they are made again."""
+    from zsmoseg.stores import files
     from zsmoseg.stores.location import Store
     from zsmoseg.stores.upkeep import take_back, verify
 
     store = Store.open(store_path(options.store), create=False)
-    damages = verify(store)
+    with files.looking_at(store.path):
+        damages = verify(store)
     for damage in damages:
         print(f"{damage.path}: {damage.what}")
     if not damages:

@@ -20,10 +20,18 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """A line a video as its latest run left it, and what is not finished."""
+    from zsmoseg.stores import files
     from zsmoseg.stores.location import Store
-    from zsmoseg.stores.runs import latest
 
     store = Store.open(store_path(options.store), create=False)
+    with files.looking_at(store.path):
+        _print(store)
+    return 0
+
+
+def _print(store: Store) -> None:
+    from zsmoseg.stores.runs import latest
+
     found = latest(store)
     if not found:
         print(f"{store.path}: no runs yet")
@@ -39,7 +47,6 @@ def main(options: argparse.Namespace) -> int:
             else "not begun"
         )
         print(f"{name:<24} {entry.outcome:<11} {state}  -> {entry.out}")
-    return 0
 
 
 def _unfinished(store: Store, entry: Entry) -> Iterator[str]:

@@ -14,11 +14,13 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Name every file that is missing, of wrong size or of wrong content; 1 if there is one. Nothing is changed."""
+    from zsmoseg.stores import files
     from zsmoseg.stores.location import Store
     from zsmoseg.stores.upkeep import verify
 
     store = Store.open(store_path(options.store), create=False)
-    damages = verify(store)
+    with files.looking_at(store.path):
+        damages = verify(store)
     for damage in damages:
         print(f"{damage.path}: {damage.what}")
     if damages:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from zsmoseg.errors import AccessError, StageError, StoreError, ZsmosegError, in_words, stops_all
-from zsmoseg.remote.bucket import one_look
+from zsmoseg.remote.looks import one_look
 from zsmoseg.stores import files
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.runs import DONE, FAILED, RUNNING, Entry, RunRecord
@@ -36,22 +36,20 @@ def _planned(request: Request, store: Store, source: str, name: str, alone: bool
     fingerprint = store.fingerprint(source, settings.video.fingerprint)
     looked = probe(source, settings.video.parameters(Excerpt))
     video = store.video_id(name, fingerprint)
-    for folder in (store.video(video).path, request.out / name):
-        if files.is_remote(folder):
-            files.listing(folder)
-    return plan_video(
-        store,
-        source,
-        name,
-        video,
-        fingerprint,
-        looked,
-        settings,
-        str(request.out / name),
-        request.start_from,
-        request.until,
-        alone,
-    )
+    with files.looking_at(store.video(video).path, request.out / name):
+        return plan_video(
+            store,
+            source,
+            name,
+            video,
+            fingerprint,
+            looked,
+            settings,
+            str(request.out / name),
+            request.start_from,
+            request.until,
+            alone,
+        )
 
 
 class Batch:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from zsmoseg.errors import ZsmosegError, system_errors_in_words
 from zsmoseg.networks.session import chosen_provider
-from zsmoseg.remote.bucket import one_look
+from zsmoseg.remote.looks import one_look
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import DONE, FAILED, INTERRUPTED

@@ -10,13 +10,14 @@ from pathlib import Path
 from zsmoseg.errors import VideoError
 from zsmoseg.remote import bucket
 from zsmoseg.remote.copies import local_copy
-from zsmoseg.remote.url import URL, is_url, place
+from zsmoseg.remote.looks import Stat
+from zsmoseg.remote.url import READABLE, URL, WRITABLE, is_url, place
 
 
 def url(name: str) -> URL | None:
-    """The URL that a name is; None where it is a path."""
-    found = place(name, VideoError) if is_url(name) else None
-    return found if isinstance(found, URL) else None
+    """The URL that a name is, as ``settled`` left it; None where it is a path."""
+    scheme, sign, rest = name.partition("://")
+    return URL(f"{scheme}:/{rest}") if sign and scheme in WRITABLE + READABLE else None
 
 
 def settled(argument: str) -> str:
@@ -117,7 +118,7 @@ def size_and_time(name: str) -> str:
     return f"{stat.size} {stat.modified}"
 
 
-def _stat(far: URL) -> bucket.Stat:
+def _stat(far: URL) -> Stat:
     found = bucket.stat(far)
     if found is None:
         raise FileNotFoundError(2, "no such file or folder", str(far))

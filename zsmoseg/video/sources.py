@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from zsmoseg.errors import VideoError
-from zsmoseg.remote.bucket import one_look
+from zsmoseg.remote.looks import one_look
 from zsmoseg.remote.url import is_url
 from zsmoseg.video import places
 from zsmoseg.video.plain_names import plain
