@@ -33,14 +33,25 @@ PAUSE = 0.2
 
 
 @contextmanager
-def lease(path: Path, done: Callable[[], bool] = lambda: False) -> Iterator[bool]:
+def lease(
+    path: Path, done: Callable[[], bool] = lambda: False, wait: bool = True, steal: bool = False
+) -> Iterator[bool]:
     """Hold the lease ``path`` for the time of the block; wait for others that hold it.
+
+    Parameters
+    ----------
+    done
+        Whether there is nothing to do any more.
+    wait
+        Whether to wait for a holder that may be alive.
+    steal
+        Whether one that nobody has touched for ``EXPIRY`` seconds, by the file system, is nobody's without watching.
 
     Yields
     ------
-    False where ``done`` says, while waiting, that there is nothing to do any more: the lease is not held then.
+    Whether it is held: not where ``done`` says so while waiting, or where somebody has it and ``wait`` is false.
     """
-    mine = _wait(path, done)
+    mine = _wait(path, done, wait, steal)
     if mine is None:
         yield False
         return
@@ -72,8 +83,8 @@ def _beat(path: Path, stop: threading.Event) -> None:
             return
 
 
-def _wait(path: Path, done: Callable[[], bool]) -> bytes | None:
-    """What our lease says, once we hold it; None where ``done`` came first."""
+def _wait(path: Path, done: Callable[[], bool], wait: bool, steal: bool) -> bytes | None:
+    """What our lease says, once we hold it; None where ``done`` came first, or at once without ``wait``."""
     mine = json.dumps(_myself()).encode()
     seen: tuple[Any, float] = (None, 0.0)
     while not files.create(path, mine):
@@ -82,8 +93,10 @@ def _wait(path: Path, done: Callable[[], bool]) -> bytes | None:
         signature, now = files.signature(path), time.monotonic()
         if signature != seen[0]:
             seen = signature, now
-        if signature is not None and (now - seen[1] > EXPIRY or _dead(path, signature)):
+        if signature is not None and (now - seen[1] > EXPIRY or _dead(path, signature, steal)):
             _clear(path)
+        elif not wait:
+            return None
         else:
             time.sleep(PAUSE)
     return mine
@@ -99,9 +112,9 @@ def _myself() -> dict[str, Any]:
     }
 
 
-def _dead(path: Path, signature: tuple[int, ...]) -> bool:
+def _dead(path: Path, signature: tuple[int, ...], steal: bool = False) -> bool:
     """Whether the holder is a process of this machine that is gone, or nobody has touched it for very long."""
-    if time.time() - signature[0] / 1e9 > OLD:
+    if (_now(path) - signature[0] / 1e9 > EXPIRY) if steal else (time.time() - signature[0] / 1e9 > OLD):
         return True
     try:
         held = json.loads(files.read(path) or b"")
@@ -116,6 +129,15 @@ def _dead(path: Path, signature: tuple[int, ...]) -> bool:
         return True
     except psutil.Error:
         return False
+
+
+def _now(path: Path) -> float:
+    """The time of the file system on which a lease lies: its clock may be another than ours."""
+    probe = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+    files.write(probe, b"")
+    seen = files.signature(probe)
+    files.remove(probe)
+    return seen[0] / 1e9 if seen else 0.0
 
 
 def _clear(path: Path) -> None:

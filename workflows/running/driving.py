@@ -143,6 +143,7 @@ def jobs(
                 networks,
                 bool(stage.models),
                 promised(plan, stage, request.settings.video.fingerprint),
+                request.steal,
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]

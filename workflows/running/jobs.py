@@ -27,7 +27,7 @@ class Job:
     """One part of one stage of one video; small, and can be pickled.
 
     ``frames`` is the key that holds the probe, ``networks`` where networks run, ``network`` whether one may;
-    ``promise`` is what its key says of files that it may read (``trust.py``).
+    ``promise`` is what its key says of files that it may read (``trust.py``); ``steal``: see ``Request``.
     """
 
     store: str
@@ -45,6 +45,7 @@ class Job:
     networks: Mapping[str, Any] = field(default_factory=dict)
     network: bool = False
     promise: Mapping[str, str] = field(default_factory=dict)
+    steal: bool = False
 
     @property
     def name(self) -> str:
@@ -123,7 +124,8 @@ def _run(job: Job) -> Outcome:
             list(left)
         refuse_changed(job.promise, job.stage, part, sections, store)
         return Outcome("done", time.process_time() - clock, peak_memory_mb(), part.facts)
-    with lease(artifact.lease_path(job.part), lambda: not part_problem(artifact, job.part)) as ours:
+    path = artifact.lease_path(job.part)
+    with lease(path, lambda: not part_problem(artifact, job.part), steal=job.steal) as ours:
         # somebody else may have finished it while this run waited, or just before: what is finished stays
         if not ours or not part_problem(artifact, job.part):
             return Outcome("done", time.process_time() - clock, peak_memory_mb())
