@@ -15,7 +15,7 @@ import numpy as np
 import psutil
 import pytest
 from conftest import draw_clip, write_folder
-from runs import Counter, masks, segment
+from runs import Counter, data_bytes, masks, segment
 
 from zsmoseg.settings import resolve
 from zsmoseg.stores import leases
@@ -226,3 +226,57 @@ def test_stealing_takes_an_output_folder_whose_holder_is_gone_at_once(data: Path
     report = batch(data, tmp_path, course, choice=Choice(only=["v0"]), steal=True)
     assert report.finished == ["v0"]
     assert not course.notes
+
+
+# ---------------------------------------------------------------------- tiny videos on Dask
+@pytest.mark.parametrize("tiny", [0.0, 1e9], ids=["parts", "whole"])
+def test_a_tiny_video_is_one_task_and_leaves_the_same(
+    tiny: float, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from zsmoseg.workflows.running.cluster import Dask
+
+    monkeypatch.setattr("zsmoseg.workflows.running.driving.TINY", tiny)
+    monkeypatch.setattr(running, "SMALL", 0.0)
+    tasks: list[str] = []
+    submit = Dask._submit
+
+    def counted(self: Dask, job: Any, *more: Any) -> None:
+        tasks.append(job.name)
+        submit(self, job, *more)
+
+    monkeypatch.setattr(Dask, "_submit", counted)
+    (tmp_path / "some").mkdir()
+    for name in ("v0", "v1"):
+        (tmp_path / "some" / name).symlink_to(data / name)
+    settings = {"chunk.length": 4}
+    report, counter = segment(tmp_path / "some", tmp_path / "dask", settings, scheduler="local", workers=1)
+    assert report.finished == ["v0", "v1"]
+    assert len(tasks) == (2 if tiny else len(counter.parts))
+    _, serial = segment(tmp_path / "some", tmp_path / "serial", settings)
+    assert sorted(counter.parts) == sorted(serial.parts)
+    assert data_bytes(tmp_path / "dask" / "store") == data_bytes(tmp_path / "serial" / "store")
+
+
+def test_a_part_that_fails_in_a_tiny_video_is_named_and_the_rest_is_skipped(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from zsmoseg.workflows.running import whole
+    from zsmoseg.workflows.running.jobs import Job, Outcome
+
+    def job(part: int) -> Job:
+        return Job("", "video", "stage", "k" * 12, part, part, part + 1, "", {}, {})
+
+    def failing(job: Job, *before: Outcome) -> Outcome:
+        return Outcome(
+            "skipped" if any(o.state != "done" for o in before) else "failed" if job.part else "done"
+        )
+
+    monkeypatch.setattr(whole, "run_job", failing)
+    jobs = [(job(0), []), (job(1), [job(0).name]), (job(2), [job(1).name])]
+    assert [o.state for o in whole.run_jobs(jobs).values()] == ["done", "failed", "skipped"]
+    died = whole.all_failed(jobs, Outcome("failed", error="killed"))
+    assert [(o.state, o.error) for o in died.values()] == [
+        ("failed", "killed"),
+        ("skipped", ""),
+        ("skipped", ""),
+    ]
