@@ -36,15 +36,26 @@ PAUSE, FAR_PAUSE = 0.2, 2.0
 
 
 @contextmanager
-def lease(path: PurePath, done: Callable[[], bool] = lambda: False) -> Iterator[bool]:
+def lease(
+    path: PurePath, done: Callable[[], bool] = lambda: False, wait: bool = True, steal: bool = False
+) -> Iterator[bool]:
     """Hold the lease ``path`` for the time of the block; wait for others that hold it.
+
+    Parameters
+    ----------
+    done
+        Whether there is nothing to do any more.
+    wait
+        Whether to wait for a holder that may be alive.
+    steal
+        Whether one that nobody has touched for ``EXPIRY`` seconds, by the file system, is nobody's without watching.
 
     Yields
     ------
-    False where ``done`` says, while waiting, that there is nothing to do any more: the lease is not held then.
+    Whether it is held: not where ``done`` says so while waiting, or where somebody has it and ``wait`` is false.
     """
     with files.no_look():
-        held = _wait(path, done)
+        held = _wait(path, done, wait, steal)
         if held is None:
             yield False
             return
@@ -57,8 +68,9 @@ def lease(path: PurePath, done: Callable[[], bool] = lambda: False) -> Iterator[
 
 
 def sweep(folder: PurePath) -> None:
-    """Take away what killed runs left in a folder."""
-    for path in files.matching(folder, "*.lease"):
+    """Take away what killed runs left below a folder."""
+    for name in [name for name in files.listing(folder) if name.endswith(".lease")]:
+        path = folder / name
         seen = files.signature(path)
         if seen is not None and _dead(path, seen):
             held = _Held(path, _myself())
@@ -137,8 +149,8 @@ class _Heart:
 _heart = _Heart()
 
 
-def _wait(path: PurePath, done: Callable[[], bool]) -> _Held | None:
-    """Our lease, once we hold it; None where ``done`` came first."""
+def _wait(path: PurePath, done: Callable[[], bool], wait: bool, steal: bool) -> _Held | None:
+    """Our lease, once we hold it; None where ``done`` came first, or at once without ``wait``."""
     mine = _Held(path, _myself())
     last: tuple[Stat | None, float] = (None, 0.0)
     while not mine.create():
@@ -149,9 +161,11 @@ def _wait(path: PurePath, done: Callable[[], bool]) -> _Held | None:
             last = seen, now
         if seen is None:
             continue
-        if now - last[1] > EXPIRY or _dead(path, seen):
+        if now - last[1] > EXPIRY or _dead(path, seen, steal):
             if mine.take(seen):
                 return mine
+        elif not wait:
+            return None
         else:
             time.sleep(FAR_PAUSE if files.is_remote(path) else PAUSE)
     return mine
@@ -176,9 +190,10 @@ def _read(path: PurePath) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _dead(path: PurePath, seen: Stat) -> bool:
+def _dead(path: PurePath, seen: Stat, steal: bool = False) -> bool:
     """Whether the holder is a process of this machine that is gone, or nobody has renewed it for very long."""
-    if time.time() - seen.modified / 1e9 > OLD:
+    idle = (_now(path) if steal else time.time()) - seen.modified / 1e9
+    if idle > (EXPIRY if steal else OLD):
         return True
     held = _read(path)
     if held.get("host") != socket.gethostname():
@@ -189,3 +204,12 @@ def _dead(path: PurePath, seen: Stat) -> bool:
         return True
     except (psutil.Error, KeyError, TypeError, ValueError):
         return False
+
+
+def _now(path: PurePath) -> float:
+    """The time of the storage on which a lease lies: its clock may be another than ours."""
+    probe = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+    files.write(probe, b"")
+    seen = files.signature(probe)
+    files.unlink(probe)
+    return seen.modified / 1e9 if seen else 0.0

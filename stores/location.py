@@ -26,6 +26,7 @@ from zsmoseg.stores.artifact import Artifact, marks_in
 from zsmoseg.stores.keys import FORMAT
 from zsmoseg.stores.records import (
     PROBES,
+    RUNS,
     read_json,
     read_record,
     recall_record,
@@ -61,10 +62,14 @@ class VideoFolder:
     def artifacts(self) -> Iterator[Artifact]:
         """All of them."""
         for stage in files.folders(self.path):
-            if stage.name != PROBES:
+            if stage.name not in (PROBES, RUNS):
                 yield from (Artifact(path) for _, path in marks_in(stage))
 
     # ------------------------------------------------------------------ probes
+    def probes(self) -> list[PurePath]:
+        """The records of all probes."""
+        return files.matching(files.below(self.path, PROBES), "*.json")
+
     def probe(self, frames: str) -> dict[str, Any] | None:
         """Times, names and sizes of the frames that the key ``frames`` stands for; None where nobody looked yet."""
         return recall_record(files.below(self.path, f"{PROBES}/{frames}.json"))

@@ -20,6 +20,8 @@ from zsmoseg.stores.runs import outputs
 from zsmoseg.video.plain_names import stays
 
 LIST = ".zsmoseg.json"
+LEASE = ".zsmoseg.lease"
+"""In an output folder while a run works on it."""
 SUMMARY, STATES = "summary.json", "motion.csv"
 """What a run leaves beside the files of the stages."""
 DIGITS = 16
@@ -41,6 +43,16 @@ class Output:
         self.owner: str | None = content["video"]
         self.files: dict[str, dict[str, Any]] = content["files"]
         self.stages: dict[str, dict[str, Any]] = content["stages"]
+
+    @property
+    def lease(self) -> PurePath:
+        """The lease of who works on it."""
+        return files.below(self.path, LEASE, OutputError)
+
+    @property
+    def stamp(self) -> str | None:
+        """What changes with its list."""
+        return files.stamp(self.path / LIST)
 
     @property
     def foreign(self) -> bool:
@@ -72,7 +84,7 @@ class Output:
         if self.listed or not files.exists(self.path):
             return
         known = self._known(store)
-        strange = sorted(set(files.tree(self.path)) - {LIST} - (set(ours) if known else set()))
+        strange = sorted(set(files.tree(self.path)) - {LIST, LEASE} - (set(ours) if known else set()))
         if strange and known:
             raise OutputError(
                 f"{self.path}: its list {LIST} is lost or damaged, and it holds {strange[0]}, which this run would "

@@ -18,6 +18,8 @@ from zsmoseg.stores.files import Stat
 
 RECORDS = "records"
 """The folder of an artifact that has its records."""
+RUNS = "runs"
+"""The folder of a video that has its records of runs."""
 PROBES = "probes"
 """The folder of a video that has the probes of its source: times, names and sizes of the frames that are used."""
 ARCHIVE = ".zip"

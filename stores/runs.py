@@ -21,13 +21,11 @@ from typing import Any
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.records import FINGERPRINT, read_record, write_record
+from zsmoseg.stores.records import FINGERPRINT, RUNS, read_record, write_record
 from zsmoseg.video.plain_names import stays
 
 PACKAGES = ("zsmoseg", "numpy", "scipy", "zarr", "numcodecs", "numba", "opencv-python-headless", "av")
 """What a run notes the version of."""
-RUNS = "runs"
-"""The folder of a video that has its records of runs."""
 DONE, FAILED, RUNNING, INTERRUPTED = "done", "failed", "running", "interrupted"
 """How a run, or a video of it, stands: it stays at ``running`` where the run was killed."""
 

@@ -11,7 +11,7 @@ from zsmoseg.stores import files
 from zsmoseg.stores.checks import Damage, check
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.output import known_outputs
-from zsmoseg.stores.records import read_json, read_record
+from zsmoseg.stores.records import ARCHIVE, read_json, read_record
 from zsmoseg.stores.runs import entry_paths, forget_run, read_entry, read_run, run_ids, run_of, run_path
 
 
@@ -26,7 +26,7 @@ class Garbage:
 def garbage(store: Store, forget: Sequence[str] = ()) -> Garbage:
     """What no run reaches once the runs ``forget`` are dropped, and leftovers of killed processes.
 
-    Videos, artifacts, fingerprints of videos that are gone, and unfinished files older than an hour.
+    Videos, artifacts, probes, fingerprints of videos that are gone, and unfinished files older than an hour.
 
     Raises
     ------
@@ -75,7 +75,10 @@ def _unreached(store: Store, reached: set[tuple[str, ...]]) -> Iterator[PurePath
             continue
         for artifact in store.video(video).artifacts():
             if artifact.path.relative_to(store.path).parts not in reached:
-                yield artifact.path
+                yield artifact.archive if artifact.packed else artifact.path
+        for path in store.video(video).probes():
+            if (video, "frames", path.stem) not in reached:
+                yield path
 
 
 def remove_garbage(store: Store, found: Garbage, forget: Sequence[str] = ()) -> None:
@@ -106,6 +109,9 @@ def _verify(store: Store, deep: bool) -> list[Damage]:
     for video in map(store.video, store.videos()):
         if video.description is None:
             found.append(Damage(video.path / "video.json", None, "is missing or damaged"))
+        for path in video.probes():
+            if read_record(path) is None:
+                found.append(Damage(path, None, "is damaged"))
         for artifact in video.artifacts():
             found += check(artifact, deep)
     return found
@@ -119,12 +125,14 @@ def take_back(store: Store, deep: bool = True) -> list[Damage]:
     found = _verify(store, deep)
     for damage in found:
         place = damage.path.relative_to(store.path).parts
-        if len(place) > 3:
+        if damage.path.suffix == ARCHIVE:
+            files.unlink(damage.path)
+        elif len(place) > 3:
             artifact = store.artifact(*place[:3])
             artifact.unseal()
             artifact.invalidate([] if damage.part is None else [damage.part])
-        elif damage.path.parent == store.runs:
-            files.remove(damage.path)
+        elif damage.path.parent.name == store.runs.name:
+            files.unlink(damage.path)
     for output, damages in known_outputs(store):
         if output.listed and not output.foreign:
             output.forget([damage.path.relative_to(output.path).as_posix() for damage in damages])

@@ -333,7 +333,9 @@ def test_parts_of_another_cut_never_count_when_the_description_was_lost(
         write_part(artifact, part, whole)
     np.testing.assert_array_equal(read_video(artifact, "label", 0, 10), whole["label"])
     seal_it(artifact)
-    assert data_files(artifact) == data_files(make_artifact(store, "k9", length=after)), "nothing is left over"
+    assert data_files(artifact) == data_files(make_artifact(store, "k9", length=after)), (
+        "nothing is left over"
+    )
 
 
 def test_arrays_of_another_kind_start_the_artifact_anew(store: Store) -> None:

@@ -11,6 +11,7 @@ from zsmoseg.remote.url import local_folder
 from zsmoseg.workflows.cli.common import OUT, store_option, store_path
 from zsmoseg.workflows.cli.run import (
     cue_options,
+    execution,
     execution_options,
     frame_options,
     overrides,
@@ -80,8 +81,7 @@ def main(options: argparse.Namespace) -> int:
         options.sources,
         Path(OUT),
         store_path(options.store),
-        scheduler=options.scheduler,
-        workers=options.workers,
+        **execution(options),
     )
     given = options.preset, options.config, overrides(options)
     for variants in sweeps.values():

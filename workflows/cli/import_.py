@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from zsmoseg.workflows.cli.common import OUT, store_option, store_path
 from zsmoseg.workflows.cli.run import (
     cue_options,
+    execution,
     execution_options,
     frame_options,
     overrides,
@@ -53,9 +54,7 @@ def main(options: argparse.Namespace) -> int:
     if not kinds:
         raise SettingsError("nothing to import; give --proposals, --flow or --depth with a path")
     store = store_path(options.store)
-    request = Request(
-        options.sources, Path(OUT), store, settings, options.scheduler, options.workers, until=kinds
-    )
+    request = Request(options.sources, Path(OUT), store, settings, until=kinds, **execution(options))
     with make_watcher() as watcher:
         report = run(request, watcher)
     opened = Store.open(store, create=True)

@@ -97,11 +97,22 @@ def execution_options(parser: argparse.ArgumentParser) -> None:
     )
     add("--workers", type=positive, help="worker processes of --scheduler local (default: the cores)")
     add(
+        "--steal",
+        action="store_true",
+        help="take over what another run left locked, if it gave no sign for 30 s, without watching it first",
+    )
+    add(
         "--patience",
         type=seconds,
+        default=300.0,
         metavar="SECONDS",
         help="give up when a cluster had no worker for so long (default: 300)",
     )
+
+
+def execution(options: argparse.Namespace) -> dict[str, Any]:
+    """What these options say, for a ``Request``."""
+    return {name: getattr(options, name) for name in ("scheduler", "workers", "patience", "steal")}
 
 
 def frame_options(parser: argparse.ArgumentParser) -> None:
@@ -182,7 +193,7 @@ def overrides(options: argparse.Namespace) -> dict[str, Any]:
 def main(options: argparse.Namespace) -> int:
     """Run; 1 if a video failed."""
     from zsmoseg.settings import resolve
-    from zsmoseg.workflows.running.request import PATIENCE, Choice, Request
+    from zsmoseg.workflows.running.request import Choice, Request
     from zsmoseg.workflows.running.run import dry_run
 
     request = Request(
@@ -190,12 +201,10 @@ def main(options: argparse.Namespace) -> int:
         options.out,
         store_path(options.store, options.out),
         resolve(options.preset, options.config, overrides(options)),
-        options.scheduler,
-        options.workers,
-        options.start_from,
-        [options.until] if options.until else [],
-        Choice(options.only, options.slice, options.retry_failed, options.limit),
-        options.patience or PATIENCE,
+        start_from=options.start_from,
+        until=[options.until] if options.until else [],
+        choice=Choice(options.only, options.slice, options.retry_failed, options.limit),
+        **execution(options),
     )
     if options.dry_run:
         for line in dry_run(request):

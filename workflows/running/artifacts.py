@@ -56,7 +56,9 @@ def seal_video(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
         if joined_problem(stage.artifact):
             with lease(stage.artifact.lease_path("seal")):
                 if joined_problem(stage.artifact):
-                    sweep(stage.artifact.path.parent)
                     seal(stage.artifact, stage.stage.leaves, plan.probe.times, plan.probe.names)
+    frames = plan.stages["frames"].artifact
+    assert frames is not None
+    sweep(frames.path.parent.parent)
     outputs = any(stage.stage.output for stage in plan.stages.values())
     return write_summary(plan, settings) if outputs else None

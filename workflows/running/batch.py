@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 
 from zsmoseg.errors import AccessError, StageError, StoreError, ZsmosegError, in_words, stops_all
 from zsmoseg.remote.looks import one_look
 from zsmoseg.stores import files
+from zsmoseg.stores.leases import lease
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.runs import DONE, FAILED, RUNNING, Entry, RunRecord
 from zsmoseg.video.probe import Excerpt, probe
@@ -76,7 +78,9 @@ class Batch:
         self.record: RunRecord | None = None
         self.rates: Rates = {}
         self._alone, self._size = alone, len(meant)
-        self._coming, self._held = deque(meant), list[Named]()
+        self._coming = deque(meant)
+        self._held: dict[str, Callable[[], bool]] = {}  # by name: whether what it waits for goes on
+        self._leases: dict[str, ExitStack] = {}
         self._working: dict[str, VideoPlan] = {}
         self._unheard: dict[str, Failure] = {}
         self._loose: dict[str, Failure] = {}
@@ -85,7 +89,7 @@ class Batch:
     @property
     def looked(self) -> int:
         """Videos that were looked at so far."""
-        return self._size - len(self._coming) - len(self._held)
+        return self._size - len(self._coming)
 
     def take(self) -> VideoPlan | None:
         """The plan of the next video with something to do, if there is one now; those without are finished on the way.
@@ -97,30 +101,95 @@ class Batch:
         ZsmosegError
             See ``fail``; not one video can be planned.
         """
-        while self._coming:
-            source, name = self._coming.popleft()
-            plan = self._plan(source, name)
-            if plan is None:
-                continue
-            if plan.video in self._working:
-                # another name for the same content: what that leaves is not computed twice
-                self._held.append((source, name))
-                continue
-            self._begin_run()
-            self.watcher.planned(plan)
-            self.report.planned.add(name)
-            self._working[plan.video] = plan
-            if plan.todo:
-                refuse_full_disk(self.request.store, self.guess([plan]))
-                return plan
-            if self.begin(plan):
-                self.finish(plan)
+        plan = self._next()
+        while plan is None and self._coming and not self._working:
+            self._wait()
+            plan = self._next()
         if self.record is None and self._unheard:
             first, many = next(iter(self._unheard.values())).message, len(self._unheard)
             raise StageError(
                 first if many == 1 else f"none of the {many} videos can be run; the first: {first}"
             )
+        return plan
+
+    def _next(self) -> VideoPlan | None:
+        """The next one that nobody works on."""
+        for _ in range(len(self._coming)):
+            source, name = self._coming.popleft()
+            if name in self._held and self._held[name]():
+                self._coming.append((source, name))
+                continue
+            self._held.pop(name, None)
+            plan = self._free(source, name)
+            if plan is not None and self._is_to_do(plan):
+                return plan
         return None
+
+    def _is_to_do(self, plan: VideoPlan) -> bool:
+        """Whether there is something to compute; what has nothing is finished."""
+        self.watcher.planned(plan)
+        self.report.planned.add(plan.name)
+        self._working[plan.fingerprint] = plan
+        if plan.todo:
+            refuse_full_disk(self.request.store, self.guess([plan]))
+        elif self.begin(plan):
+            self.finish(plan)
+        return bool(plan.todo)
+
+    def _free(self, source: str, name: str) -> VideoPlan | None:
+        """The plan of a video that nobody works on; others come again at the end."""
+        plan = self._plan(source, name)
+        if plan is None:
+            return None
+        self._begin_run()
+        if plan.fingerprint in self._working:
+            # another name for the same content: what that leaves is not computed twice
+            content = plan.fingerprint
+            self._hold_back(source, name, lambda: content in self._working)
+            return None
+        if plan.files and name not in self._leases:
+            try:
+                before = plan.output.stamp
+                if not self._lease(plan, wait=False):
+                    path = plan.output.lease
+                    self._hold_back(source, name, lambda: files.exists(path))
+                    return None
+            except (OSError, ZsmosegError) as error:
+                self.fail(plan, Failure.of(error, source), error)
+                return None
+            if plan.output.stamp != before:  # another run has written there meanwhile
+                plan = self._plan(source, name)
+                if plan is None:
+                    self._let_go(name)
+        return plan
+
+    def _hold_back(self, source: str, name: str, busy: Callable[[], bool]) -> None:
+        self._held[name] = busy
+        self._coming.append((source, name))
+
+    def _lease(self, plan: VideoPlan, wait: bool) -> bool:
+        """Whether nobody else works on the output folder of a video until it is through."""
+        stack = ExitStack()
+        if not stack.enter_context(lease(plan.output.lease, wait=wait, steal=self.request.steal)):
+            stack.close()
+            return False
+        self._leases[plan.name] = stack
+        return True
+
+    def _wait(self) -> None:
+        """Nothing is left but what other runs work on: wait for the first of it; what is missing then is ours."""
+        source, name = self._coming.popleft()
+        plan = self._plan(source, name)
+        if plan is None:
+            return
+        self.watcher.note(f"waiting for another run that works on {plan.output.path}")
+        try:
+            self._lease(plan, wait=True)
+        except (OSError, ZsmosegError) as error:
+            self.fail(plan, Failure.of(error, source), error)
+            return
+        self._held.pop(name, None)
+        self._coming.appendleft((source, name))
 
     def _plan(self, source: str, name: str) -> VideoPlan | None:
         try:
@@ -168,7 +237,8 @@ class Batch:
     def finish(self, plan: VideoPlan) -> None:
         """Seal what is complete; clear and describe the output folder."""
         try:
-            summary = seal_video(plan, self.request.settings)
+            with files.looking_at(self.store.video(plan.video).path, plan.output.path):
+                summary = seal_video(plan, self.request.settings)
             self._note(plan, DONE)
         except Exception as error:
             self.fail(plan, Failure.of(error, plan.source), error)
@@ -207,10 +277,12 @@ class Batch:
         self.report.fail(plan.name, failure, self.watcher)
 
     def _leave(self, plan: VideoPlan) -> None:
-        """Videos that waited for this one come next."""
-        self._working.pop(plan.video, None)
-        self._coming.extendleft(reversed(self._held))
-        self._held.clear()
+        """Others may work on it."""
+        self._working.pop(plan.fingerprint, None)
+        self._let_go(plan.name)
+
+    def _let_go(self, name: str) -> None:
+        self._leases.pop(name, ExitStack()).close()
 
     def _note(self, plan: VideoPlan, outcome: str, failure: Failure | None = None) -> None:
         assert self.record is not None
@@ -240,6 +312,8 @@ class Batch:
 
     def end(self, outcome: str) -> None:
         """Note how the run ended; a store that is full or gone by now keeps what it has."""
+        for stack in self._leases.values():
+            stack.close()
         if self.record is None:
             return
         failures = {name: failure.message for name, failure in self._loose.items()}

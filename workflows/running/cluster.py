@@ -16,6 +16,7 @@ from zsmoseg.workflows.planning.estimate import cores
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
 from zsmoseg.workflows.running.local_cluster import start
 from zsmoseg.workflows.running.request import PATIENCE
+from zsmoseg.workflows.running.whole import Ordered, all_failed, run_jobs
 from zsmoseg.workflows.running.workers import Needs, problems, refuse, within
 
 GPU = "GPU"
@@ -61,6 +62,7 @@ class Dask:
         self._patience, self._say = patience, say
         self._futures: dict[str, Any] = {}
         self._open: dict[str, bool] = {}  # names of jobs without result yet: whether a GPU must run them
+        self._whole: dict[str, Ordered] = {}  # jobs that are one task, by the name of the first
         self._came: SimpleQueue[str] = SimpleQueue()
         self._cluster: Any = None
         self._client: Any = None
@@ -211,12 +213,19 @@ class Dask:
     # ------------------------------------------------------------------ jobs
     def submit(self, job: Job, before: Sequence[str], priority: int) -> None:
         """Submit one job; what it reads are its dependencies."""
+        self._submit(job, priority, run_job, job, *(self._futures[name] for name in before))
+
+    def submit_whole(self, jobs: Ordered, priority: int) -> None:
+        """One task, by the name of its first job."""
+        first, _ = jobs[0]
+        self._whole[first.name] = jobs
+        self._submit(first, priority, run_jobs, jobs)
+
+    def _submit(self, job: Job, priority: int, *call: Any) -> None:
         gpu = job.network and self._gpu
         try:
             future = self._client.submit(
-                run_job,
-                job,
-                *(self._futures[name] for name in before),
+                *call,
                 key=f"{job.name}-{self._run}",
                 priority=priority,
                 pure=False,
@@ -247,7 +256,7 @@ class Dask:
             if outcome is not None:
                 del self._open[name]
                 self._empty_since = None
-                yield name, outcome
+                yield from outcome.items()
             self._look(LOOK)
 
     def _look(self, every: float) -> None:
@@ -257,8 +266,8 @@ class Dask:
         while self._lost:
             self._notify(self._lost.pop())
 
-    def _outcome(self, name: str) -> Outcome | None:
-        """What became of a job; None where its result was lost with a worker, and comes again."""
+    def _outcome(self, name: str) -> dict[str, Outcome] | None:
+        """What became of a job, or of those that were one task with it; None where its result was lost with a worker, and comes again."""
         from distributed import CancelledError
         from distributed import TimeoutError as Late
 
@@ -268,17 +277,21 @@ class Dask:
                 f"{self._name} dropped the work: its scheduler is gone or was restarted; {AGAIN}"
             )
         if future.status == "error":
-            return Outcome("failed", error=_death(future.exception()))
+            return self._died(name, future.exception())
         try:
             if future.status == "finished":
-                outcome: Outcome = future.result(timeout=LOOK)
-                return outcome
+                left = future.result(timeout=LOOK)
+                return left if self._whole.pop(name, None) else {name: left}
         except (Late, CancelledError):
             pass
         except Exception as error:
-            return Outcome("failed", error=_death(error))
+            return self._died(name, error)
         self._lost.append(name)
         return None
+
+    def _died(self, name: str, error: BaseException) -> dict[str, Outcome]:
+        outcome = Outcome("failed", error=_death(error))
+        return all_failed(self._whole.pop(name), outcome) if name in self._whole else {name: outcome}
 
     def release(self, names: Sequence[str]) -> None:
         """Let the scheduler forget."""

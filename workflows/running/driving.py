@@ -14,6 +14,7 @@ from zsmoseg.workflows.running.executors import Executor
 from zsmoseg.workflows.running.jobs import Job, Outcome
 from zsmoseg.workflows.running.request import Failure, Request, Watcher
 from zsmoseg.workflows.running.trust import promised
+from zsmoseg.workflows.running.whole import TINY
 from zsmoseg.workflows.stages.graph import names
 
 IN_FLIGHT = 4
@@ -68,10 +69,15 @@ class Drive:
 
     def _submit(self, plan: VideoPlan) -> None:
         video = _Running(plan)
-        for job, before, priority in jobs(self._batch.request, plan, self._taken, self._executor.threads):
+        found = list(jobs(self._batch.request, plan, self._taken, self._executor.threads))
+        for job, _, _ in found:
             video.left[job.name] = job
             self._running[job.name] = video
-            self._executor.submit(job, before, priority)
+        if found and self._batch.guess([plan]).seconds < TINY and not any(job.network for job, _, _ in found):
+            self._executor.submit_whole([(job, before) for job, before, _ in found], found[0][2])
+        else:
+            for job, before, priority in found:
+                self._executor.submit(job, before, priority)
         self._taken += 1
         if video.left:
             self._videos += 1
@@ -145,6 +151,7 @@ def jobs(
                 bool(stage.models),
                 promised(plan, stage, request.settings.video.fingerprint),
                 stage.packed,
+                request.steal,
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]

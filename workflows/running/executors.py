@@ -11,6 +11,7 @@ from zsmoseg.workflows.planning.estimate import cores
 from zsmoseg.workflows.running.cluster import Dask
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
 from zsmoseg.workflows.running.request import PATIENCE
+from zsmoseg.workflows.running.whole import Ordered
 from zsmoseg.workflows.running.workers import Needs
 
 
@@ -30,6 +31,9 @@ class Executor(Protocol):
 
     def submit(self, job: Job, before: Sequence[str], priority: int) -> None:
         """Queue a job behind those named in ``before``."""
+
+    def submit_whole(self, jobs: Ordered, priority: int) -> None:
+        """Queue all jobs of a tiny video as one task."""
 
     def results(self) -> Iterator[tuple[str, Outcome]]:
         """Names and outcomes as they come, until nothing is queued; jobs may be added meanwhile."""
@@ -54,6 +58,10 @@ class Serial:
     def submit(self, job: Job, before: Sequence[str], priority: int) -> None:
         """Jobs run in the order in which they come: each after what it reads."""
         self._queue.append((job, before))
+
+    def submit_whole(self, jobs: Ordered, priority: int) -> None:
+        """A task costs nothing here."""
+        self._queue.extend(jobs)
 
     def results(self) -> Iterator[tuple[str, Outcome]]:
         """Run the queue."""

@@ -30,7 +30,8 @@ class Job:
     """One part of one stage of one video; small, and can be pickled.
 
     ``frames`` is the key that holds the probe, ``networks`` where networks run, ``network`` whether one may;
-    ``promise`` is what its key says of files that it may read (``trust.py``); ``packed``: it leaves one file.
+    ``promise`` is what its key says of files that it may read (``trust.py``); ``packed``: it leaves one file; ``steal``: see
+    ``Request``.
     """
 
     store: str
@@ -49,6 +50,7 @@ class Job:
     network: bool = False
     promise: Mapping[str, str] = field(default_factory=dict)
     packed: bool = False
+    steal: bool = False
 
     @property
     def name(self) -> str:
@@ -151,9 +153,8 @@ def _keep(
     from zsmoseg.stores.writer import PartWriter, write_archive
     from zsmoseg.workflows.stage import description, first_record
 
-    with lease(
-        artifact.lease_path(part_name(job.part)), lambda: not part_problem(artifact, job.part)
-    ) as ours:
+    path = artifact.lease_path(part_name(job.part))
+    with lease(path, lambda: not part_problem(artifact, job.part), steal=job.steal) as ours:
         if not ours or not part_problem(artifact, job.part):
             return
         if job.packed:

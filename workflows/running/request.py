@@ -44,7 +44,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Request:
-    """What a user asked for."""
+    """What a user asked for; ``steal``: take what expired leases hold without watching whether they beat."""
 
     sources: Sequence[str]
     out: PurePath = Path("zsmoseg-out")
@@ -56,6 +56,7 @@ class Request:
     until: Sequence[str] = ()
     choice: Choice = Choice()
     patience: float = PATIENCE
+    steal: bool = False
 
 
 class Watcher(Protocol):

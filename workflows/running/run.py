@@ -113,7 +113,7 @@ def _look(batch: Batch) -> tuple[deque[VideoPlan], bool]:
     if batch.request.scheduler in ("local", "serial") and any(models_of(first)):
         chosen_provider(batch.request.settings.networks.provider)
     batch.watcher.estimated(guess.of(batch.looked, videos))
-    return first, plan is None and guess.seconds < SMALL
+    return first, batch.looked == videos and guess.seconds < SMALL
 
 
 def _needs(batch: Batch, first: deque[VideoPlan]) -> Needs:
