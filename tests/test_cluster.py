@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -438,3 +439,20 @@ def test_the_slurm_script_in_the_docs_runs(clip: Path, tmp_path: Path) -> None:
     assert kinds[0] == "planned"
     assert kinds[-2:] == ["finished", "ended"]
     assert not (tmp_path / "scheduler-7.json").exists()
+
+
+def test_the_local_cluster_and_its_dashboard_listen_on_this_machine_only() -> None:
+    import psutil
+
+    from zsmoseg.workflows.running.local_cluster import start
+
+    with ExitStack() as stack:
+        stack.enter_context(start(1, stack))
+        ours = psutil.Process()
+        places = {
+            connection.laddr.ip
+            for process in (ours, *ours.children(recursive=True))
+            for connection in process.net_connections("tcp")
+            if connection.status == psutil.CONN_LISTEN
+        }
+    assert places == {"127.0.0.1"}

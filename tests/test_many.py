@@ -280,3 +280,23 @@ def test_a_part_that_fails_in_a_tiny_video_is_named_and_the_rest_is_skipped(
         ("skipped", ""),
         ("skipped", ""),
     ]
+
+
+def test_a_worker_with_other_code_under_the_same_version_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from zsmoseg.workflows.running import workers
+
+    record = tmp_path / "run.json"
+    record.touch()
+    needs = workers.Needs.of(tmp_path, record, [], [])
+    assert workers.look(needs) is None
+    package = tmp_path / "zsmoseg"
+    package.mkdir()
+    (package / "__init__.py").write_text("changed = True\n")
+    monkeypatch.setattr(workers.zsmoseg, "__file__", str(package / "__init__.py"))
+    workers.code.cache_clear()
+    try:
+        assert "has other code" in (workers.look(needs) or "")
+    finally:
+        workers.code.cache_clear()

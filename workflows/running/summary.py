@@ -97,7 +97,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     record = artifact.part(0)
     assert record is not None
     found = Groups.read(artifact)
-    group, area, frames = found.group, found.area, len(plan.probe.times)
+    group, area = found.group, found.area
     described = plan.stages["objects"].artifact
     names = object_names(described) if described is not None and "detections" in plan.stages else []
     visibility = _read(plan, "affinity", Affinity).visibilities(len(group))

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import PurePath
+from dataclasses import dataclass, field
+from functools import cache
 from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any, TypeVar
 
+import zsmoseg
 from zsmoseg import __version__
 from zsmoseg.errors import ClusterError, in_words
 from zsmoseg.remote.url import is_url
@@ -36,14 +38,31 @@ INSTALLED = (
 """Asked of workers in plain Python: those that lack the package understand it too."""
 
 
+@cache
+def code() -> str:
+    """Digest of the package's own modules: a version stays the same while somebody changes the code."""
+    root, whole = os.path.dirname(zsmoseg.__file__), hashlib.sha256()
+    found = [
+        os.path.join(folder, name)
+        for folder, _, names in os.walk(root, followlinks=True)
+        for name in names
+        if name.endswith(".py")
+    ]
+    for path in sorted(found):
+        with open(path, "rb") as file:
+            whole.update(f"{os.path.relpath(path, root)} ".encode() + hashlib.sha256(file.read()).digest())
+    return whole.hexdigest()
+
+
 @dataclass(frozen=True)
 class Needs:
-    """What a run needs from workers of others: to see these; ``out`` are folders to write in."""
+    """What a run needs from workers of others: to see these, to run the same ``code``; ``out``: folders to write in."""
 
     store: str
     record: str
     sources: Sequence[str]
     out: Sequence[str]
+    code: str = field(default_factory=code)
 
     @classmethod
     def of(cls, store: str, record: str, sources: Sequence[str], out: Sequence[str]) -> Needs:
@@ -62,6 +81,8 @@ def look(needs: Needs) -> str | None:
 
 def _look(needs: Needs) -> str | None:
     """The record of the run must be there: a folder of the same name on another disk is no store."""
+    if code() != needs.code:
+        return f"has other code than this machine under the same version {__version__}"
     for _ in range(LATE):
         if files.exists(files.folder(needs.record)):
             break
