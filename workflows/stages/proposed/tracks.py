@@ -115,24 +115,22 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Tracks]:
     """A window, shot by shot: a span needs what the one before it handed over, a window what the one before it left."""
     spans = Spans(s.tracking.handover, s.linking.overlap, s.linking.gap, s.tracking.carry)
     factory = _factory(part, s)
-    halt = None if part.before is None else _halt(part.before, part.displayed)
-    last = 0 if halt is None else halt.last
+    halt = Halt(0, None, NONE, NONE) if part.before is None else _halt(part.before, part.displayed)
     for start, stop in between_cuts(inputs.flow.state):
         first, end = max(start, part.start), min(stop, part.stop)
         if first >= end:
             continue
-        shot, follower = _Shot(start), Follower(factory, spans, last, first)
+        shot, follower = _Shot(start), Follower(factory, spans, halt.last, first)
         with _naming(part, shot):
-            if first > start and halt is not None and halt.begun is not None:
+            if first > start and halt.begun is not None:
                 follower.resume(halt, _moments(part, inputs, shot, halt.begun.frame, first))
         followed = follower.run(_moments(part, inputs, shot, first, end), goes_on=end < stop)
         for at in range(first, end, BLOCK):
             with _naming(part, shot):
                 found = list(islice(followed, min(BLOCK, end - at)))
             yield _block(at, found, follower.last if end == stop and at + BLOCK >= end else None)
-        last = follower.last
-    if part.stop < part.frames:
-        yield _left(part, follower.halt() if end < stop else Halt(last, None, NONE, NONE))
+        halt = follower.halt() if end < stop else Halt(follower.last, None, NONE, NONE)
+    yield _left(part, halt)
 
 
 @contextmanager
