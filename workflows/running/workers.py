@@ -9,6 +9,7 @@ import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import PurePath
 from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any, TypeVar
