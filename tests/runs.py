@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
-import zipfile
 import numpy as np
 from PIL import Image
 

@@ -25,8 +25,7 @@ from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.cli.run import execution_options
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running import cluster as module
-from zsmoseg.workflows.running import local_cluster
-from zsmoseg.workflows.running import driving
+from zsmoseg.workflows.running import driving, local_cluster
 from zsmoseg.workflows.running.cluster import Dask
 from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.request import Quiet, Report, Request
