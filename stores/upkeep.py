@@ -123,7 +123,7 @@ def take_back(store: Store, deep: bool = True) -> list[Damage]:
             artifact = store.artifact(*place[:3])
             artifact.unseal()
             artifact.invalidate([] if damage.part is None else [damage.part])
-        elif damage.path.parent == store.runs:
+        elif damage.path.parent.name == store.runs.name:
             files.remove(damage.path)
     for output, damages in known_outputs(store):
         if output.listed and not output.foreign:
