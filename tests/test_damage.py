@@ -60,8 +60,8 @@ def test_the_next_run_mends_any_file_of_the_store(number: int, finished: Path, t
         assert (root / name).exists() or "runs" in name.parts, f"{name} was not mended"
         np.testing.assert_array_equal(masks(root / "out" / "disc"), expected, err_msg=str(name))
     store = Store.open(root / "store", create=False)
-    videos = {array for artifact in store.artifacts() for array in artifact.arrays}
-    shards = {name for name in redone if name.name.startswith("c.") and name.parent.name in videos}
+    videos = {artifact.path / array for artifact in store.artifacts() for array in artifact.arrays}
+    shards = {name for name in redone if name.name.startswith("c.") and root / name.parent in videos}
     flows = [redone[name] for name in shards if name.parent.name == "forward"]
     assert all({"flow", "features", "masks"} <= stages and "frames" not in stages for stages in flows)
     records = [stages for name, stages in redone.items() if name.suffix == ".tables" or name in shards]
