@@ -178,7 +178,7 @@ def _myself() -> dict[str, Any]:
 
 @lru_cache(maxsize=1)
 def _process(pid: int) -> dict[str, Any]:
-    """This process; ``pid`` is another after a fork."""
+    """What says that it is this process; ``pid`` is another after a fork."""
     return {"host": socket.gethostname(), "pid": pid, "started": psutil.Process(pid).create_time()}
 
 
