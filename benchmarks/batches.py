@@ -146,9 +146,19 @@ def stamps(store: str) -> dict[str, str]:
     return found
 
 
-def finished(store: str) -> dict[str, str]:
-    """``stamps`` of what says that a part is finished."""
-    return {name: stamp for name, stamp in stamps(store).items() if FINISHED.search(name)}
+def finished(found: Mapping[str, str]) -> dict[str, str]:
+    """Those ``stamps`` that say of a part that it is finished."""
+    return {name: stamp for name, stamp in found.items() if FINISHED.search(name)}
+
+
+def undone(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    """What was ``finished`` before and is not as it was; when an artifact is sealed, records of its parts become one."""
+    wrong = []
+    for name, stamp in before.items():
+        sealed = f"{name.rpartition('/')[0]}/done.json" in now
+        if now.get(name, stamp if sealed else "") != stamp:
+            wrong.append(name)
+    return wrong
 
 
 def unfinished(*places: str) -> list[str]:

@@ -28,7 +28,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import psutil
-from batches import CLUSTER, bucket, differences, events, finished, results, start, unfinished, write_batch
+from batches import (
+    CLUSTER,
+    bucket,
+    differences,
+    events,
+    finished,
+    results,
+    stamps,
+    start,
+    undone,
+    unfinished,
+    write_batch,
+)
 from killable import CLUSTERS, Local, Serial, children
 
 from zsmoseg.stores.location import Store
@@ -168,12 +180,15 @@ class Batch:
 
     def _look_at_finished(self, kind: str) -> None:
         """What was finished before must be there as it was."""
-        now = finished(self.store)
-        for name, stamp in self.done.items():
-            if now.get(name) != stamp:
-                what = "written again" if name in now else "gone"
-                self.tally.fail(self.name, kind, f"{self.store}{name}: was finished and is {what}")
-        self.done |= now
+        now = stamps(self.store)
+        wrong = undone(self.done, now)
+        if wrong:
+            self.tally.fail(
+                self.name,
+                kind,
+                f"{self.store}: {len(wrong)} finished parts gone or written again: {wrong[0]}",
+            )
+        self.done |= finished(now)
 
     @property
     def _last(self) -> str:

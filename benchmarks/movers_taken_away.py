@@ -24,9 +24,10 @@ from zsmoseg.motion.models import MODELS
 from zsmoseg.motion.residuals import pair_residuals
 from zsmoseg.settings import resolve
 from zsmoseg.stores.arrays import Arrays
+from zsmoseg.stores.location import Store
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.request import Request
-from zsmoseg.workflows.running.run import run
+from zsmoseg.workflows.running.run import each_plan, run
 from zsmoseg.workflows.stage import working_size
 from zsmoseg.workflows.stages.front_end import Labels, Objects, shots_of
 from zsmoseg.workflows.stages.motion.affinity import each_pair, read_visibility
@@ -75,8 +76,10 @@ def main() -> None:
     sources = [str(p) for p in sorted((davis / "JPEGImages/480p").iterdir())]
     for store in sys.argv[2:]:
         chosen = resolve(overrides={"overlay.write": False})
-        report = run(Request(sources, Path("unused"), Path(store), chosen, "serial", until=["groups"]))
-        for plan in report.plans:
+        request = Request(sources, Path("unused"), Path(store), chosen, "serial", until=["groups"])
+        run(request)
+        for _, plan in each_plan(request, Store.open(store, create=False)):
+            assert isinstance(plan, VideoPlan), plan
             found = still_moving(plan, davis / "Annotations/480p" / plan.name)
             total, moving = total + (found is not None), moving + bool(found)
             if found:

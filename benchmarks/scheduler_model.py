@@ -18,7 +18,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -184,7 +183,7 @@ def main() -> None:
     os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
     import scheduler_model  # by this name workers find what they run
 
-    cluster.run_job = scheduler_model.sleeping
+    cluster.run_job = scheduler_model.sleeping  # type: ignore[attr-defined]
     rows: list[Measured] = []
     print("| workers | tasks | tasks/s | scheduler | expected | scheduler ms/task | client ms/task | idle |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
@@ -231,4 +230,4 @@ def beats(workers: float) -> float:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -19,8 +19,10 @@ from composites import TEN
 from PIL import Image
 
 from zsmoseg.settings import Settings, defaults, parse_override, resolve
+from zsmoseg.stores.location import Store
+from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.request import Request
-from zsmoseg.workflows.running.run import run
+from zsmoseg.workflows.running.run import each_plan, run
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.groups import Groups
 
@@ -81,9 +83,11 @@ class Bench:
         """(sequences, 4) scores and the number of groups of each."""
         sources = [str(self.davis / "JPEGImages/480p" / name) for name in self.names]
         chosen = resolve(overrides={"overlay.write": False, **self.fixed, **settings})
-        report = run(Request(sources, Path("unused"), self.store, chosen, "serial", until=["groups"]))
+        request = Request(sources, Path("unused"), self.store, chosen, "serial", until=["groups"])
+        run(request)
         rows, groups = [], []
-        for plan in report.plans:
+        for _, plan in each_plan(request, Store.open(self.store, create=False)):
+            assert isinstance(plan, VideoPlan), plan
             labels, found = (plan.stages[n].artifact for n in ("labels", "groups"))
             assert labels is not None
             assert found is not None

@@ -19,7 +19,7 @@ from zsmoseg.settings import Settings, resolve
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running import executors
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
-from zsmoseg.workflows.running.request import Request
+from zsmoseg.workflows.running.request import Quiet, Request
 from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.stage import working_size
 
@@ -38,6 +38,17 @@ def forget_peak() -> None:
     Path("/proc/self/clear_refs").write_text("5")
 
 
+class Seen(Quiet):
+    """Keeps the plans."""
+
+    def __init__(self) -> None:
+        self.plans: list[VideoPlan] = []
+
+    def planned(self, plan: VideoPlan) -> None:
+        """One video."""
+        self.plans.append(plan)
+
+
 def measure(source: str, settings: Settings) -> tuple[VideoPlan, dict[str, float]]:
     """The plan of a run in an empty store, and the most that a task of each stage took beyond what was there, MB."""
     found: dict[str, float] = defaultdict(float)
@@ -53,8 +64,9 @@ def measure(source: str, settings: Settings) -> tuple[VideoPlan, dict[str, float
     executors.run_job = measured  # type: ignore[attr-defined]
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        report = run(Request([source], root / "out", root / "store", settings, "serial"))
-        (plan,) = report.plans
+        seen = Seen()
+        run(Request([source], root / "out", root / "store", settings, "serial"), seen)
+        (plan,) = seen.plans
         return plan, found
 
 

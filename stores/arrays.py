@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
-from zsmoseg.stores.artifact import Artifact, Block
+from zsmoseg.errors import StoreError
+from zsmoseg.stores.artifact import AGAIN, Artifact, Block
 from zsmoseg.stores.fields import IDS_OF, LABELS, fields_of, tables_of
 from zsmoseg.stores.joining import Joined
 from zsmoseg.stores.reader import blocks, read_table, read_video
@@ -62,10 +63,17 @@ class Arrays:
 
         Nothing is read before an attribute is used, and then only that array: frames and pairs in order, tables
         joined over the union of their objects (``zsmoseg.stores.joining``).
+
+        Raises
+        ------
+        StoreError
+            If there is no such artifact.
         """
         artifact = artifact.for_reading
         parts = artifact.parts
-        end = parts[-1][1] if parts else 0
+        if not parts:
+            raise StoreError(f"{artifact.path}: is not there, or damaged; {AGAIN}")
+        end = parts[-1][1]
         return cls._of(Source(cls, artifact, start, end if stop is None else min(stop, end)))
 
     @classmethod

@@ -10,10 +10,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from zsmoseg.errors import SpaceError
+from zsmoseg.errors import SpaceError, StoreError
 from zsmoseg.stores import archive, files, shards
 from zsmoseg.stores.arrays import Arrays
-from zsmoseg.stores.artifact import ABOUT, Artifact, PartRecord, part_name, tables_name
+from zsmoseg.stores.artifact import ABOUT, AGAIN, Artifact, PartRecord, part_name, tables_name
 from zsmoseg.stores.beginning import first_part
 from zsmoseg.stores.fields import fields_of
 from zsmoseg.stores.fixedpoint import encode
@@ -41,6 +41,8 @@ class PartWriter:
         self.artifact = artifact
         self.part = part
         self.facts: dict[str, Any] = {}
+        if part >= len(artifact.parts):
+            raise StoreError(f"{artifact.path}: is gone or damaged; {AGAIN}")
         self._start, self._stop = artifact.parts[part]
         self._inside = artifact.held or Folder(artifact.path)
         self._specs = {name: ArraySpec.from_json(about) for name, about in artifact.arrays.items()}

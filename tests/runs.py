@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,16 @@ def masks(out: Path, kind: str = "masks") -> np.ndarray:
 
 def data_bytes(root: Path) -> dict[str, bytes]:
     """Content of every array, table and image below ``root``, without records of time and place."""
-    found = sorted(p for p in root.rglob("*") if p.is_file())
-    kept = [p for p in found if p.name == "zarr.json" or p.suffix not in (".json", ".csv", ".mp4")]
-    return {str(p.relative_to(root)): p.read_bytes() for p in kept}
+    found: dict[str, bytes] = {}
+    for path in sorted(p for p in root.rglob("*") if p.is_file()):
+        name = str(path.relative_to(root))
+        if path.suffix == ".zip":
+            with zipfile.ZipFile(path) as archive:
+                found |= {f"{name}/{inside}": archive.read(inside) for inside in archive.namelist()}
+        else:
+            found[name] = path.read_bytes()
+    return {
+        name: content
+        for name, content in found.items()
+        if name.endswith("/zarr.json") or not name.endswith((".json", ".csv", ".mp4"))
+    }

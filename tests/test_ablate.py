@@ -69,7 +69,7 @@ def test_a_second_time_nothing_is_computed_and_a_run_to_the_end_stays_what_is_op
     assert ablate(data, tmp_path) == 0
     capsys.readouterr()
     assert ablate(data, tmp_path) == 0
-    assert capsys.readouterr().err.count("nothing to compute") == 3
+    assert capsys.readouterr().err.count("nothing to do") == 3
     assert open_store(tmp_path / "store")["disc"].keys == keys
 
 

@@ -93,7 +93,7 @@ def test_verify_finds_a_flipped_byte_exits_with_1_and_changes_nothing_and_repair
 ) -> None:
     clip = write_folder(tmp_path / "disc", draw_clip(0, 5)[0])
     main(["run", str(clip), "-o", str(tmp_path / "out"), *QUICK])
-    shard = next((tmp_path / "zsmoseg-store").rglob("forward/c/0/0/0/0"))
+    shard = next((tmp_path / "zsmoseg-store").rglob("flow/*.zip"))
     data = bytearray(shard.read_bytes())
     data[len(data) // 2] ^= 1
     shard.write_bytes(bytes(data))
@@ -272,13 +272,18 @@ def test_a_full_disk_is_said_and_the_next_run_goes_on(
 ) -> None:
     from zsmoseg.stores import files
 
-    def full(*_: object, **__: object) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    whole = files.write_whole
+
+    def full(path: Path, content: bytes, sync: bool = False) -> None:
+        if path.suffix == ".zip":
+            with files.errors_in_words(path):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        whole(path, content, sync)
 
     clip = write_folder(tmp_path / "disc", draw_clip(0, 5)[0])
     arguments = ["run", str(clip), "-o", str(tmp_path / "out"), *QUICK]
     with monkeypatch.context() as patch:
-        patch.setattr(files, "write", full)
+        patch.setattr(files, "write_whole", full)
         code, _, err = say(arguments, capsys)
     assert code == 1
     assert "no space left on the disk" in err

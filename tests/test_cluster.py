@@ -25,7 +25,7 @@ from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.cli.run import execution_options
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running import cluster as module
-from zsmoseg.workflows.running import local_cluster
+from zsmoseg.workflows.running import driving, local_cluster
 from zsmoseg.workflows.running.cluster import Dask
 from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.request import Quiet, Report, Request
@@ -215,8 +215,9 @@ def expected(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> np.ndarray
 
 @pytest.mark.parametrize("who", ["workers", "scheduler"])
 def test_a_run_whose_cluster_is_killed_says_so_and_a_second_run_goes_on(
-    who: str, clip: Path, tmp_path: Path, expected: np.ndarray
+    who: str, clip: Path, tmp_path: Path, expected: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(driving, "TINY", 0.0)  # a task a part
     settings = resolve(overrides={"chunk.length": 4})
 
     def go(made: Cluster, watcher: After) -> Report:
@@ -446,13 +447,17 @@ def test_the_local_cluster_and_its_dashboard_listen_on_this_machine_only() -> No
 
     from zsmoseg.workflows.running.local_cluster import start
 
-    with ExitStack() as stack:
-        stack.enter_context(start(1, stack))
+    def listening() -> set[Any]:
         ours = psutil.Process()
-        places = {
-            connection.laddr.ip
+        return {
+            connection.laddr
             for process in (ours, *ours.children(recursive=True))
             for connection in process.net_connections("tcp")
             if connection.status == psutil.CONN_LISTEN
         }
-    assert places == {"127.0.0.1"}
+
+    before = listening()
+    with ExitStack() as stack:
+        stack.enter_context(start(1, stack))
+        places = listening() - before
+    assert {place.ip for place in places} == {"127.0.0.1"}

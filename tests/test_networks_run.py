@@ -20,7 +20,6 @@ from zsmoseg.workflows.planning.plan import following
 from zsmoseg.workflows.result import Result, open_store
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import run
-from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.graph import GRAPHS
 from zsmoseg.workflows.stages.proposed import tracks
 from zsmoseg.workflows.stages.proposed.tracks import Tracks
@@ -260,18 +259,19 @@ def test_tracks_go_on_from_window_to_window_as_if_there_were_none(
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ZSMOSEG_MODELS", str(models))
         del chosen["depth.model"]
-        whole, counted = segment(clip[0], tmp_path / "whole", chosen, until=["labels"])
+        _, counted = segment(clip[0], tmp_path / "whole", chosen, until=["labels"])
         assert [part for stage, part in counted.parts if stage == "tracks"] == [0]
         patch.setitem(tracks.STAGE.__dict__, "least", 6)
-        cut, counted = segment(clip[0], tmp_path / "cut", chosen, until=["labels"])
+        _, counted = segment(clip[0], tmp_path / "cut", chosen, until=["labels"])
         assert [part for stage, part in counted.parts if stage == "tracks"] == [0, 1, 2, 3]
-        one, other = (Labels.read(r.plans[0].stages["labels"].artifact).label for r in (whole, cut))
+        whole, cut = (result(tmp_path / root) for root in ("whole", "cut"))
+        one, other = (r.labels.label for r in (whole, cut))
         assert len(np.unique(one)) > 3
         np.testing.assert_array_equal(other, one)
         for name in ("became", "largest", "run", "object_of", "tracked"):
-            found = [getattr(Tracks.read(r.plans[0].stages["tracks"].artifact), name) for r in (whole, cut)]
+            found = [getattr(Tracks.read(r.artifact("tracks")), name) for r in (whole, cut)]
             np.testing.assert_array_equal(*found)
-        cut.plans[0].stages["tracks"].artifact.invalidate([2])
+        cut.artifact("tracks").invalidate([2])
         _, counted = segment(clip[0], tmp_path / "cut", chosen, until=["labels"])
         assert [part for stage, part in counted.parts if stage == "tracks"] == [2]
 

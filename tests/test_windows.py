@@ -177,12 +177,12 @@ def measured(clip: Path, root: Path, patch: pytest.MonkeyPatch) -> tuple[dict[st
 
     patch.setattr(executors, "run_job", traced)
     chosen = SMALL | {"affinity.cues": "both", "objects.window": 2, "chunk.length": 40}
-    report, _ = segment(clip, root, chosen, until=["groups"])
-    artifacts = {name: stage.artifact for name, stage in report.plans[0].stages.items()}
+    segment(clip, root, chosen, until=["groups"])
+    result = open_store(root / "store")[clip.name]
     tables = [
         int(np.prod(entry.shape))
         for name in ("affinity", "epipolar", "groups", "objects", "trajectories")
-        for block in artifacts[name].blocks(0)
+        for block in result.artifact(name).blocks(0)
         for entry in block.tables.values()
         if len(entry.shape) > 1
     ]

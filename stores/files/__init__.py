@@ -6,6 +6,7 @@ What the two kinds do is said in ``storage``; here is what follows from that for
 from __future__ import annotations
 
 import os
+import time
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -25,6 +26,10 @@ from zsmoseg.stores.files.storage import Growing, Storage
 from zsmoseg.video.plain_names import parts_of
 
 P = TypeVar("P", bound=PurePath)
+STALE = 3600.0
+"""Seconds after which an unfinished file is a leftover of a process that is gone."""
+LEFT = (".partial", ".tmp", ".lease")
+"""Ends of the names of what killed runs leave."""
 SHOWN = 80
 """Characters of a name in an error."""
 
@@ -303,7 +308,12 @@ def remove(path: PurePath) -> None:
 
 def leftovers(path: PurePath, everywhere: bool = True) -> list[PurePath]:
     """Unfinished files and leases in a folder (and below it: ``everywhere``) that are old enough to be nobody's."""
-    return on(path).leftovers(path, everywhere)
+    oldest = (time.time() - STALE) * 1e9
+    names = listing(path) if everywhere else [name for name, is_one in on(path).inside(path) if not is_one]
+    left = [path / name for name in names if name.endswith(LEFT)]
+    return sorted(
+        file for file in left if not is_link(file) and (seen := signature(file)) and seen.modified < oldest
+    )
 
 
 def errors_in_words(path: PurePath) -> AbstractContextManager[None]:

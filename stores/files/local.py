@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import stat
-import time
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,7 +15,6 @@ from typing import BinaryIO
 
 from zsmoseg.errors import SpaceError
 from zsmoseg.remote.looks import Stat
-from zsmoseg.stores.files.storage import STALE
 
 TRIES = 5
 """Times that another process may take a name away, or give it, while a file is made."""
@@ -253,18 +251,6 @@ def remove(path: PurePath) -> None:
         shutil.rmtree(path, ignore_errors=True)
     else:
         unlink(path)
-
-
-LEFT = ("partial", "tmp", "lease")
-"""Ends of the names of what killed runs leave."""
-
-
-def leftovers(path: PurePath, everywhere: bool = True) -> list[PurePath]:
-    oldest = time.time() - STALE
-    walk = Path(path).rglob if everywhere else Path(path).glob
-    found = [file for end in LEFT for file in walk(f"*.{end}") if not file.is_symlink()]
-    old = [file for file in found if (seen := signature(file)) and seen.modified / 1e9 < oldest]
-    return sorted(file for file in old if file.is_file())
 
 
 # ---------------------------------------------------------------------- space

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import shutil
 import tempfile
-import time
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -15,7 +14,6 @@ from typing import Any
 from zsmoseg.remote import bucket, connection
 from zsmoseg.remote.looks import Stat
 from zsmoseg.remote.url import URL
-from zsmoseg.stores.files.storage import STALE
 
 SMALL = 2**24
 """Bytes of a file that grows that are kept in memory; more are put on the disk until all are there."""
@@ -132,14 +130,6 @@ def unlink(path: PurePath) -> None:
 
 def remove(path: PurePath) -> None:
     bucket.delete(_url(path))
-
-
-def leftovers(path: PurePath, everywhere: bool = True) -> list[PurePath]:
-    # a file appears whole or not at all: only leases are left
-    oldest = (time.time() - STALE) * 1e9
-    found = listing(path).items()
-    old = [name for name, seen in found if name.endswith(".lease") and seen.modified < oldest]
-    return [path / name for name in sorted(old) if everywhere or "/" not in name]
 
 
 def create(path: PurePath, content: bytes) -> Stat | None:

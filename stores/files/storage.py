@@ -9,9 +9,6 @@ from typing import Any, Protocol
 
 from zsmoseg.remote.looks import Stat
 
-STALE = 3600.0
-"""Seconds after which an unfinished file is a leftover of a process that is gone."""
-
 
 class Growing(Protocol):
     """A file that is being written; a failure before ``close`` leaves something that no record names."""
@@ -88,9 +85,6 @@ class Storage(Protocol):
 
     def remove(self, path: PurePath) -> None:
         """Remove a file or a folder with all that is in it, if it is there."""
-
-    def leftovers(self, path: PurePath, everywhere: bool = True) -> list[PurePath]:
-        """Unfinished files in a folder (and below it: ``everywhere``) that are old enough to be nobody's."""
 
     def create(self, path: PurePath, content: bytes) -> Stat | None:
         """Write a small file that is not there yet; None if it is."""

@@ -27,6 +27,7 @@ def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     """Describe a finished video in its output folder, and clear the folder of what an older run left there."""
     kept = _kept(plan, settings)
     if kept is not None:
+        plan.output.remove_others([*plan.files, SUMMARY, STATES])
         return kept
     summary = summarise(plan, settings)
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
