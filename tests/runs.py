@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zipfile
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,6 @@ import numpy as np
 from PIL import Image
 
 from zsmoseg.settings import resolve
-from zsmoseg.stores.archive import RECORD
-from zsmoseg.stores.records import ARCHIVE
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.request import Quiet, Report, Request
@@ -60,18 +57,16 @@ def masks(out: Path, kind: str = "masks") -> np.ndarray:
 
 def data_bytes(root: Path) -> dict[str, bytes]:
     """Content of every array, table and image below ``root``, without records of time and place."""
-    found = sorted(p for p in root.rglob("*") if p.is_file())
-    kept = [p for p in found if p.name == "zarr.json" or p.suffix not in (".json", ".csv", ".mp4")]
-    plain = {str(p.relative_to(root)): p.read_bytes() for p in kept if p.suffix != ARCHIVE}
-    return plain | {
-        f"{path.relative_to(root)}/{name}": content
-        for path in kept
-        if path.suffix == ARCHIVE
-        for name, content in members(path).items()
+    found: dict[str, bytes] = {}
+    for path in sorted(p for p in root.rglob("*") if p.is_file()):
+        name = str(path.relative_to(root))
+        if path.suffix == ".zip":
+            with zipfile.ZipFile(path) as archive:
+                found |= {f"{name}/{inside}": archive.read(inside) for inside in archive.namelist()}
+        else:
+            found[name] = path.read_bytes()
+    return {
+        name: content
+        for name, content in found.items()
+        if name.endswith("/zarr.json") or not name.endswith((".json", ".csv", ".mp4"))
     }
-
-
-def members(path: Path) -> dict[str, bytes]:
-    """Of an artifact that is one file, all but its record."""
-    with zipfile.ZipFile(path) as archive:
-        return {name: archive.read(name) for name in archive.namelist() if name != RECORD}

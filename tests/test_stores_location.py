@@ -215,8 +215,8 @@ def test_a_probe_is_never_read_damaged_and_is_written_again(harm: Harm, store: S
 
 def test_a_probe_of_other_frames_does_not_count(store: Store) -> None:
     video = store.video("goat-0123456789abcdef")
-    for key, names in (("k0", ["a"]), ("k1", ["b"])):
-        video.keep_probe(key, {"names": names})
+    for frames, names in (("k0", ["a"]), ("k1", ["b"])):
+        video.keep_probe(frames, {"names": names})
     one, two = video.probes()
     one.write_bytes(two.read_bytes())
     assert (video.probe("k0"), video.probe("k1")) == (None, {"names": ["b"]})

@@ -18,7 +18,6 @@ from zsmoseg.stores.upkeep import verify
 from zsmoseg.workflows.imports.record import Brought, brought_before, remember
 from zsmoseg.workflows.running.request import Report
 
-
 LONG, SHORT = 8, 3
 """Frames of a video whose artifacts are folders, and of one whose artifacts are one file each."""
 
