@@ -187,7 +187,8 @@ class Artifact:
         """Take back that the whole is done, then its face for readers; the records of the parts stand alone again."""
         folder, done = Folder(self.path), Folder(self.path).record(DONE)
         for name, record in (done or {}).get("parts", {}).items():
-            folder.put(name, record)
+            if name.isdigit():  # no other is that of a part
+                folder.put(name, record)
         folder.drop(DONE)
         folder.remove("zarr.json")
 

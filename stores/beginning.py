@@ -84,7 +84,9 @@ def _cut_otherwise(artifact: Artifact, parts: Sequence[tuple[int, int]]) -> bool
     """Whether records are left from a time when the artifact was cut in another way."""
     alone = {path.stem for path in files.matching(artifact.path / RECORDS, "[0-9]*.json")}
     known = alone.union((artifact.done or {}).get("parts", {}))
-    records = [(int(name), record) for name in known if (record := artifact.part(int(name)))]
+    records = [
+        (int(name), record) for name in filter(str.isdigit, known) if (record := artifact.part(int(name)))
+    ]
     return any(i >= len(parts) or [record.start, record.stop] != list(parts[i]) for i, record in records)
 
 

@@ -150,7 +150,7 @@ def make_archive(
     """The same as one file; ``left``: the blocks of the content."""
     artifact, whole = place_of(store, key), content(frames, seed)
     laid_out = plan_of({**DESCRIPTION, "key": key}, [(0, frames)], specs(frames))
-    blocks = left(replace(artifact, memory=Memory({ABOUT: laid_out})), whole)
+    blocks = left(replace(artifact, held=Memory({ABOUT: laid_out})), whole)
     write_archive(artifact, laid_out, blocks, Everything, *times(frames), lambda: facts)
     return artifact
 

@@ -17,11 +17,13 @@ import pytest
 from conftest import draw_clip, write_folder, write_mp4
 from escapes_help import Sandbox, hostile
 from runs import segment
+from stores_help import record_path
 
 from zsmoseg.errors import ModelError, ZsmosegError
 from zsmoseg.formats import find_for_video, open_masks
 from zsmoseg.settings import resolve
 from zsmoseg.stores import files
+from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.output import LIST, Output
 from zsmoseg.stores.records import read_record, write_record
@@ -85,8 +87,8 @@ def run_it(area: Path, **settings: Any) -> Report:
     return run(Request([str(area / "disc")], area / "out", area / "store", chosen, "serial"))
 
 
-def frames_record(area: Path) -> Path:
-    return next((area / "store").glob("disc-*/frames/*/records/artifact.json"))
+def probe_record(area: Path) -> Path:
+    return next((area / "store").glob("disc-*/probes/*.json"))
 
 
 def run_record(area: Path) -> Path:
@@ -196,12 +198,12 @@ def test_a_list_of_another_form_is_made_again(damage: dict[str, Any], sandbox: S
 def test_names_of_frames_in_a_store_do_not_lead_out_of_an_export(
     format: str, sandbox: Sandbox, area: Path
 ) -> None:
-    path = frames_record(area)
+    path = probe_record(area)
     sound = read_record(path)
     assert sound is not None
+    assert {"names", "files"} <= sound.keys()
     for number, name in enumerate(hostile(6 if format in SLOW else 27, 2, sandbox.root)):
-        names = [name, *sound["probe"]["names"][1:]]
-        write_record(path, {**sound, "probe": {**sound["probe"], "names": names, "files": [name] * 4}})
+        write_record(path, {**sound, "names": [name, *sound["names"][1:]], "files": [name] * 4})
         with sandbox.untouched(), suppress(ZsmosegError, ValueError):
             list(
                 export([open_store(area / "store")["disc"]], area / "exported" / str(number), choose(format))
@@ -234,17 +236,19 @@ def test_what_runs_remember_does_not_lead_out_of_the_store(field: str, sandbox: 
             shutil.rmtree(area / "exported", ignore_errors=True)
 
 
-@pytest.mark.parametrize("what", ["part", "done", "layout", "arrays"])
+@pytest.mark.parametrize("what", ["part", "done", "taken in", "arrays"])
 def test_files_that_records_of_artifacts_name_lie_in_the_artifact(
     what: str, sandbox: Sandbox, area: Path
 ) -> None:
-    records = next((area / "store").glob("disc-*/flow/*/records"))
-    path = records / {"part": "0000.json", "done": "done.json"}.get(what, "artifact.json")
+    (video,) = Store.open(area / "store", create=False).videos()
+    (artifact,) = Artifact(area / "store" / video / "flow" / "any").siblings()
+    if what == "part":
+        artifact.unseal()
+    path = record_path(artifact, {"part": 0, "arrays": "artifact"}.get(what, "done"))
     sound, text = read_record(path), path.read_bytes()
     assert sound is not None
     for name in hostile(6, 4, sandbox.root):
-        field = "files" if what in ("part", "done") else what
-        write_record(path, {**sound, field: {**sound[field], name: next(iter(sound[field].values()))}})
+        write_record(path, _naming(what, sound, name))
         store = Store.open(area / "store", create=False)
         with sandbox.untouched():
             with suppress(ZsmosegError):
@@ -254,6 +258,18 @@ def test_files_that_records_of_artifacts_name_lie_in_the_artifact(
             commands(area)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(text)
+
+
+def _naming(what: str, sound: dict[str, Any], name: str) -> dict[str, Any]:
+    """A record with one more file, or array, of the ``name``."""
+
+    def more(record: dict[str, Any], field: str) -> dict[str, Any]:
+        return {**record, field: {**record[field], name: next(iter(record[field].values()))}}
+
+    if what == "taken in":
+        parts = sound["parts"]
+        return {**sound, "parts": {**parts, "0000": more(parts["0000"], "files"), name: parts["0001"]}}
+    return more(sound, "arrays" if what == "arrays" else "files")
 
 
 # ---------------------------------------------------------------------- links
