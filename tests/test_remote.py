@@ -367,6 +367,7 @@ def test_a_second_run_does_nothing_and_downloads_nothing(finished: Report, s3: P
     report, counter = remote_run()
     assert not counter.parts
     assert not report.failures
+    print(*s3.requests, sep="\n")
     assert len(s3.counted("GET", "prefix=data/clip/")) == 1, "one listing of the source"
     assert not s3.counted("PUT", "/out/"), "nothing is written again"
     print(*s3.requests, sep="\n")
