@@ -26,8 +26,10 @@ _COMMENT = "{:012d} {:012d} {:012d} {:010d}"
 _COMMENT_BYTES = 49
 _HEADER = 30
 """Bytes before the name of a member."""
+_SMALL = 2**20
+"""Bytes of a file that is read at once, and kept as long as its record is."""
 _TAIL = 2**16
-"""Bytes that are read at once from the end: the record of a short video and the directory behind it are in it."""
+"""Bytes that are read from the end of others: the record of a short video and the directory behind it are in it."""
 
 
 def encode(path: PurePath, memory: Memory) -> bytes:
@@ -59,12 +61,16 @@ def _zip(members: Mapping[str, bytes | bytearray], record: bytes) -> bytes:
 
 @dataclass(frozen=True)
 class Archive:
-    """The members of the file ``path``: offset, size and CRC-32 of each; ``text`` is the record that says so."""
+    """The members of the file ``path``: offset, size and CRC-32 of each; ``text`` is the record that says so.
+
+    ``whole`` is all of a small file: one request instead of one a table.
+    """
 
     path: PurePath
     members: Mapping[str, tuple[int, int, int]]
     records: Mapping[str, dict[str, Any]]
     text: bytes
+    whole: bytes | None = None
 
     def record(self, name: str) -> dict[str, Any] | None:
         """As ``Inside`` says."""
@@ -83,6 +89,8 @@ class Archive:
         if name not in self.members:
             return None
         begin, size, _ = self.members[name]
+        if self.whole is not None:
+            return self.whole[begin + offset : begin + min(offset + length, size)]
         return files.read_range(self.path, begin + offset, max(min(length, size - offset), 0))
 
     def size(self, name: str) -> int | None:
@@ -119,10 +127,10 @@ def recall(path: PurePath) -> Archive | None:
     return None if stamp is None else _read(path, stamp)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
 def _read(path: PurePath, stamp: str) -> Archive | None:
     size = files.size(path) or 0
-    begin = max(size - _TAIL, 0)
+    begin = 0 if size <= _SMALL else size - _TAIL
     tail = files.read_range(path, begin, size - begin) or b""
     try:
         where, length, whole, directory = map(int, tail[-_COMMENT_BYTES:].split())
@@ -135,7 +143,13 @@ def _read(path: PurePath, stamp: str) -> Archive | None:
     found = trusted(path, text)
     if found is None or zlib.crc32(rest[length:-_COMMENT_BYTES]) != directory:
         return None
-    return Archive(path, {name: tuple(at) for name, at in found["members"].items()}, found["records"], text)
+    return Archive(
+        path,
+        {name: tuple(at) for name, at in found["members"].items()},
+        found["records"],
+        text,
+        tail if begin == 0 else None,
+    )
 
 
 def differs(path: PurePath, found: Archive) -> bool:

@@ -17,6 +17,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import PurePath
 from typing import Any
 
@@ -172,13 +173,13 @@ def _wait(path: PurePath, done: Callable[[], bool], wait: bool, steal: bool) -> 
 
 
 def _myself() -> dict[str, Any]:
-    process = psutil.Process()
-    return {
-        "host": socket.gethostname(),
-        "pid": process.pid,
-        "started": process.create_time(),
-        "id": uuid.uuid4().hex,
-    }
+    return {**_process(os.getpid()), "id": uuid.uuid4().hex}
+
+
+@lru_cache(maxsize=1)
+def _process(pid: int) -> dict[str, Any]:
+    """What says that it is this process; ``pid`` is another after a fork."""
+    return {"host": socket.gethostname(), "pid": pid, "started": psutil.Process(pid).create_time()}
 
 
 def _read(path: PurePath) -> dict[str, Any]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -57,14 +59,19 @@ def masks(out: Path, kind: str = "masks") -> np.ndarray:
 
 def data_bytes(root: Path) -> dict[str, bytes]:
     """Content of every array, table and image below ``root``, without records of time and place."""
+    paths = sorted(p for p in root.rglob("*") if p.is_file())
+    return without_records({str(path.relative_to(root)): path.read_bytes() for path in paths})
+
+
+def without_records(contents: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Files by name, those of a zip one by one, but not what tells of time and place."""
     found: dict[str, bytes] = {}
-    for path in sorted(p for p in root.rglob("*") if p.is_file()):
-        name = str(path.relative_to(root))
-        if path.suffix == ".zip":
-            with zipfile.ZipFile(path) as archive:
+    for name, content in contents.items():
+        if name.endswith(".zip"):
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
                 found |= {f"{name}/{inside}": archive.read(inside) for inside in archive.namelist()}
         else:
-            found[name] = path.read_bytes()
+            found[name] = content
     return {
         name: content
         for name, content in found.items()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import groupby
 from textwrap import shorten
 from typing import Any
@@ -45,7 +46,7 @@ class StagePlan:
     artifact: Artifact | None = None
     packed: bool = False
 
-    @property
+    @cached_property
     def given(self) -> Settings:
         """The settings that it reads; the others are defaults."""
         return Settings.model_validate(self.settings)
@@ -55,7 +56,7 @@ class StagePlan:
         """What is written beside the result, so that a later plan can say what changed."""
         return description(self.stage, self.key, self.settings, self.inputs)
 
-    @property
+    @cached_property
     def models(self) -> list[str]:
         """References of the networks that it runs."""
         return [

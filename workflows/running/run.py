@@ -105,7 +105,7 @@ def _look(batch: Batch) -> tuple[deque[VideoPlan], bool]:
     first, guess = deque[VideoPlan](), batch.guess([])
     while plan := batch.take():
         first.append(plan)
-        guess = batch.guess(first)
+        guess += batch.guess([plan])
         if len(first) >= LOOK[1] or (len(first) >= LOOK[0] and guess.seconds >= SMALL):
             break
     videos = len(batch.report.names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -70,7 +71,7 @@ class Section(BaseModel):
         A field that is such a dataclass itself is filled from this section too. Fields that are no settings keep
         their defaults: they are constants.
         """
-        hints, values = get_type_hints(kind), {}
+        hints, values = _hints(kind), {}
         for field in fields(kind):
             if is_dataclass(hint := hints[field.name]) and isinstance(hint, type):
                 values[field.name] = self.parameters(hint)
@@ -84,6 +85,12 @@ class Section(BaseModel):
         extra = cls.model_fields[name].json_schema_extra
         assert isinstance(extra, dict)
         return extra
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Types of the fields of a dataclass; finding them takes longer than a small function of the science."""
+    return get_type_hints(kind)
 
 
 class Brought(Section):
