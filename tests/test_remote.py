@@ -456,7 +456,9 @@ def test_a_source_that_changes_fails_by_name(s3: Proxy, local: Path, monkeypatch
 def test_a_video_file_is_read_through_a_copy(s3: Proxy, tmp_path: Path) -> None:
     film = write_mp4(tmp_path / "film.mp4", FRAMES)
     bucket.put(URL(f"{DATA}/film.mp4"), film.read_bytes())
-    report, far = remote_run("s3://bucket/films", "s3://bucket/films-out", f"{DATA}/film.mp4", until=["frames"])
+    report, far = remote_run(
+        "s3://bucket/films", "s3://bucket/films-out", f"{DATA}/film.mp4", until=["frames"]
+    )
     assert not report.failures
     _, near = segment(film, tmp_path, until=["frames"])
     assert near.plans[0].fingerprint == far.plans[0].fingerprint

@@ -11,7 +11,7 @@ import zipfile
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -411,11 +411,11 @@ def test_what_a_killed_run_left_beside_an_archive_is_swept(finished: Path, tiny:
     gone = {"host": socket.gethostname(), "pid": 2**22 + 1, "started": 0.0, "id": "x"}
     leases = [Artifact(path.with_suffix("")).lease_path(work) for work in ("0000", "begin")]
     for lease in leases:
-        cast("Path", lease).write_text(json.dumps(gone))
+        Path(lease).write_text(json.dumps(gone))
     assert [a.archive for a in Store(tiny / "store").artifacts() if a.packed] == archives(tiny), "none is one"
     assert again(finished, tiny) == set()
     assert not list((tiny / "store").rglob("*.lease"))
-    cast("Path", leases[0]).write_text(json.dumps(gone))
+    Path(leases[0]).write_text(json.dumps(gone))
     delete(path)
     assert path.parent.name in again(finished, tiny), "who is gone holds nothing up"
     assert not list((tiny / "store").rglob("*.lease"))
@@ -520,7 +520,7 @@ def crash_at(step: int, patch: pytest.MonkeyPatch) -> None:
         patch.setattr(files, name, counted)
 
 
-def crashes(work: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+def crashes(work: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """``work``, killed after no change of the disk, after one, and so on until it ends."""
     for step in range(200):
         with monkeypatch.context() as patch:
@@ -593,7 +593,7 @@ def test_a_crash_at_any_step_of_taking_back_keeps_the_other_parts(
 
 
 def test_an_archive_appears_whole_or_not_at_all(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    for _ in crashes(lambda: cast("None", make_archive(store)), monkeypatch):
+    for _ in crashes(lambda: make_archive(store), monkeypatch):
         assert not any(p.is_file() for p in store.path.rglob("flow/*"))
     assert check(make_archive(store), deep=True) == []
 
