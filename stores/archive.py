@@ -1,8 +1,9 @@
 """An artifact of a short video as one file: a Zarr v3 group in an uncompressed zip, which Zarr's ``ZipStore`` opens.
 
 The last member, ``records/artifact.json``, holds all records, and says where each other member begins; the comment of the
-zip says where that one is. So one read of the end of the file tells all, and one more brings any table. The file is
-written once, whole or not at all. Standard library only.
+zip says where that one is, with a checksum of the directory that others go by: a name that changed there would read as
+fill value. So one read of the end of the file tells all, and one more brings any table. The file is written once, whole or
+not at all. Standard library only.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from zsmoseg.stores.inside import Growing, Memory, Record
 from zsmoseg.stores.records import trusted, vouched
 
 RECORD = "records/artifact.json"
-_COMMENT = "{:012d} {:012d} {:012d}"
-_COMMENT_BYTES = 38
+_COMMENT = "{:012d} {:012d} {:012d} {:010d}"
+_COMMENT_BYTES = 49
 _HEADER = 30
 """Bytes before the name of a member."""
 _SMALL = 2**20
@@ -54,7 +55,8 @@ def _zip(members: Mapping[str, bytes | bytearray], record: bytes) -> bytes:
         archive.comment = b" " * _COMMENT_BYTES
     whole = stream.getvalue()
     where = info.header_offset + _HEADER + len(RECORD)
-    return whole[:-_COMMENT_BYTES] + _COMMENT.format(where, len(record), len(whole)).encode()
+    directory = zlib.crc32(whole[where + len(record) : -_COMMENT_BYTES])
+    return whole[:-_COMMENT_BYTES] + _COMMENT.format(where, len(record), len(whole), directory).encode()
 
 
 @dataclass(frozen=True)
@@ -131,15 +133,15 @@ def _read(path: PurePath, stamp: str) -> Archive | None:
     begin = 0 if size <= _SMALL else size - _TAIL
     tail = files.read_range(path, begin, size - begin) or b""
     try:
-        where, length, whole = map(int, tail[-_COMMENT_BYTES:].split())
+        where, length, whole, directory = map(int, tail[-_COMMENT_BYTES:].split())
     except ValueError:
         return None
-    if whole != size:
+    if whole != size or not 0 <= where <= where + length <= size:
         return None
-    inside = where - begin
-    text = tail[inside : inside + length] if inside >= 0 else files.read_range(path, where, length) or b""
+    rest = tail[where - begin :] if where >= begin else files.read_range(path, where, size - where) or b""
+    text = rest[:length]
     found = trusted(path, text)
-    if found is None:
+    if found is None or zlib.crc32(rest[length:-_COMMENT_BYTES]) != directory:
         return None
     return Archive(
         path,
