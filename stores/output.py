@@ -192,8 +192,16 @@ class Output:
             del self.files[name]
         self._write()
 
+    @property
+    def changed(self) -> bool:
+        """Whether the list is another than when it was read: a file that was touched is as it was, say."""
+        return self._content() != self._listed
+
+    def _content(self) -> dict[str, Any]:
+        return as_json({"video": self.video, "files": self.files, "stages": self.stages})
+
     def _write(self) -> None:
-        content = as_json({"video": self.video, "files": self.files, "stages": self.stages})
+        content = self._content()
         if content == self._listed:
             return
         self._listed = content

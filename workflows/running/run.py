@@ -21,10 +21,11 @@ from zsmoseg.workflows.planning.estimate import (
     refuse_full_disk,
 )
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan
-from zsmoseg.workflows.running.batch import Batch, make_plan
+from zsmoseg.workflows.running.batch import Batch
 from zsmoseg.workflows.running.choosing import Named, choose, nothing_left
 from zsmoseg.workflows.running.driving import Drive
 from zsmoseg.workflows.running.executors import make_executor
+from zsmoseg.workflows.running.first_look import make_plan
 from zsmoseg.workflows.running.request import Failure, Quiet, Report, Request, Watcher
 from zsmoseg.workflows.running.workers import Needs
 

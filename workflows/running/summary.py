@@ -36,8 +36,9 @@ def settled(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
         return None
     if not any(stage.stage.output for stage in stages):
         return {}
+    kept = _kept(plan, settings)
     listed = files.listing(plan.output.path).keys()
-    return _kept(plan, settings) if listed == {*plan.output.files, LIST} else None
+    return kept if listed == {*plan.output.files, LIST} and not plan.output.changed else None
 
 
 def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:

@@ -1,0 +1,62 @@
+"""The plan of one video from its source and its name: what is known of both is not looked at again."""
+
+from __future__ import annotations
+
+from zsmoseg.remote.looks import one_look
+from zsmoseg.stores import files, seen
+from zsmoseg.stores.location import Store
+from zsmoseg.stores.runs import last_entry
+from zsmoseg.video.probe import Excerpt, Probe, probe
+from zsmoseg.video.sources import stat_signature
+from zsmoseg.workflows.planning.plan import VideoPlan, plan_video
+from zsmoseg.workflows.running.request import Request
+from zsmoseg.workflows.running.summary import settled
+
+
+def make_plan(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
+    """The plan of one video; ``alone``: the sources hold no other.
+
+    Raises
+    ------
+    ZsmosegError
+        See ``plan_video``; the source cannot be read.
+    """
+    with one_look():
+        return _planned(request, store, source, name, alone)
+
+
+def _planned(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
+    settings = request.settings
+    fingerprint = store.fingerprint(source, settings.video.fingerprint)
+    looked = _probe(store, source, fingerprint, settings.video.parameters(Excerpt))
+    video = store.video_id(name, fingerprint)
+    folder = store.video(video).path
+    with files.looking_at(folder, request.out / name):
+        last = last_entry(store, video)
+        now = seen.look(folder, last.keys) if last and last.seen else {}
+        known = seen.known(last.seen, now, last.keys) if last else set()
+        plan = plan_video(
+            store,
+            source,
+            name,
+            video,
+            fingerprint,
+            looked,
+            settings,
+            str(request.out / name),
+            request.start_from,
+            request.until,
+            alone,
+            known,
+        )
+        plan.seen, plan.settled = now, settled(plan, settings)
+        return plan
+
+
+def _probe(store: Store, source: str, fingerprint: str, excerpt: Excerpt) -> Probe:
+    """The probe of a source: the one known here if no file was touched since; opening a hundred images takes a while."""
+    found = store.remembered(
+        f"{excerpt} {stat_signature(source)}",
+        lambda: {"fingerprint": fingerprint, "probe": probe(source, excerpt).to_json()},
+    )
+    return Probe.from_json(found["probe"])
