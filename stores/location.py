@@ -165,7 +165,7 @@ class Store:
         if not _VIDEO.fullmatch(f"x{end}"):
             raise ValueError(f"{fingerprint}: no fingerprint, it needs 16 hexadecimal digits")
         new = re.sub(r"[^\w.-]+", "_", name).strip("._")[:80] or "video"
-        if files.is_folder(self.path / (new + end)):
+        if files.listing(self.path / (new + end)):  # which is asked for anyway, once for all
             return new + end
         return next((video for video in self.videos() if video.endswith(end)), new + end)
 
@@ -190,7 +190,11 @@ class Store:
         return self.fingerprint_of(f"{method} {stat_signature(source)}", lambda: fingerprint(source, method))
 
     def fingerprint_of(self, signature: str, compute: Callable[[], str]) -> str:
-        """What ``compute`` gives, kept under ``signature``: paths, sizes, times of change, inodes.
+        """What ``compute`` gives, remembered under ``signature``: paths, sizes, times of change, inodes."""
+        return str(self.remembered(signature, lambda: {"fingerprint": compute()})["fingerprint"])
+
+    def remembered(self, signature: str, compute: Callable[[], Mapping[str, Any]]) -> Mapping[str, Any]:
+        """What ``compute`` gives, kept under ``signature``; it has the fingerprint of the source, by which it is found to be garbage.
 
         Damaged entries are computed again. Nothing is kept where no store was made yet (``--dry-run``).
         """
@@ -198,8 +202,8 @@ class Store:
         path = files.below(self.path, f"fingerprints/{name}.json")
         known = read_record(path)
         if known is not None:
-            return str(known["fingerprint"])
+            return known
         found = compute()
         if files.exists(self.path / MARK):
-            write_record(path, {"fingerprint": found})
+            write_record(path, found)
         return found

@@ -42,6 +42,8 @@ class Entry:
         What was read; the output folder, empty where nothing is written there; stage to key.
     outcome, failure, trace
         How it stands, why it failed, and where, if nobody expected that.
+    seen
+        How its artifacts were when it was done (``stores/seen.py``).
     """
 
     run: str
@@ -54,6 +56,7 @@ class Entry:
     outcome: str = RUNNING
     failure: str = ""
     trace: str = ""
+    seen: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass
@@ -181,14 +184,12 @@ def read_entry(path: PurePath) -> Entry | None:
     The folder counts for the id of the video: people may call it otherwise.
     """
     record, folder = read_record(path) or {}, path.parent.parent.name
-    keys = record.get("keys")
-    if not isinstance(keys, dict):
+    keys, seen = record.get("keys"), record.get("seen", {})
+    if not isinstance(keys, dict) or not isinstance(seen, dict):
         return None
-    entry = Entry(
-        **{name: record.get(name, "") for name in Entry.__dataclass_fields__ if name != "keys"}, keys=keys
-    )
-    told = [value for name, value in asdict(entry).items() if name != "keys"]
-    if not all(isinstance(text, str) for text in [*told, *keys.values()]):
+    told = {name: record.get(name, "") for name in Entry.__dataclass_fields__ if name not in ("keys", "seen")}
+    entry = Entry(**told, keys=keys, seen=seen)
+    if not all(isinstance(text, str) for text in [*told.values(), *keys.values(), *seen.values()]):
         return None
     ours = (
         path.stem == f"{entry.run}-{_digest(entry.name)}"
@@ -196,6 +197,12 @@ def read_entry(path: PurePath) -> Entry | None:
     )
     plain = all(stays(part) and "/" not in part for part in [entry.name, *keys, *keys.values()])
     return Entry(**{**asdict(entry), "video": folder}) if ours and plain else None
+
+
+def last_entry(store: Store, video: str) -> Entry | None:
+    """What the latest run did with the content of a video, under whatever name; None where nothing can be read."""
+    paths = files.matching(files.below(store.video(video).path, RUNS), "*.json")
+    return read_entry(paths[-1]) if paths else None
 
 
 def entries(store: Store, name: str | None = None) -> list[Entry]:

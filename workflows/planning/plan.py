@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import groupby
@@ -74,7 +74,11 @@ class StagePlan:
 
 @dataclass
 class VideoPlan:
-    """One video: the stages in order, of the graph ``graph``; ``brought`` are the cues that were imported."""
+    """One video: the stages in order, of the graph ``graph``; ``brought`` are the cues that were imported.
+
+    ``known``: stages and keys of artifacts that are whole; ``seen``: how they are (``stores/seen.py``); ``settled``: the summary of
+    a video for which nothing is to be done or written.
+    """
 
     source: str
     name: str
@@ -85,6 +89,9 @@ class VideoPlan:
     output: Output
     graph: str = "embedded-flow"
     brought: Mapping[str, Brought] = field(default_factory=dict)
+    known: Set[tuple[str, str]] = frozenset()
+    seen: Mapping[str, str] = field(default_factory=dict)
+    settled: dict[str, Any] | None = None
 
     @property
     def files(self) -> list[str]:
@@ -126,8 +133,16 @@ def plan_video(
     start_from: str | None = None,
     until: Sequence[str] = (),
     alone: bool = True,
+    known: Set[tuple[str, str]] = frozenset(),
 ) -> VideoPlan:
-    """The plan of one video, up to the stages ``until``; without them all. ``alone``: no other video is asked for.
+    """The plan of one video, up to the stages ``until``; without them all.
+
+    Parameters
+    ----------
+    alone
+        No other video is asked for.
+    known
+        Stages and keys of artifacts that are whole: they are not looked at.
 
     Raises
     ------
@@ -145,7 +160,7 @@ def plan_video(
         if value is not None and value not in stages:
             what = "no stage with these settings" if value in names() else "no such stage"
             raise SettingsError(f"{option} {value}: {what}; there are {', '.join(stages)}")
-    plan = VideoPlan(source, name, video, fingerprint, probe, {}, Output(out, video), graph, brought)
+    plan = VideoPlan(source, name, video, fingerprint, probe, {}, Output(out, video), graph, brought, known)
     needed = _needed(stages, until)
     for stage in needed:
         plan.stages[stage.name] = _plan_stage(plan, store, stage, settings)
@@ -197,7 +212,7 @@ def _plan_stage(plan: VideoPlan, store: Store, stage: Stage[Any, Any], settings:
         planned.packed = artifact.packed if artifact.exists else frames <= settings.chunk.length
         if planned.packed:
             planned.parts = [(0, frames)]
-        elif stage.scope == "chunk" and artifact.parts:
+        elif stage.scope == "chunk" and (stage.name, key) not in plan.known and artifact.parts:
             planned.parts = list(artifact.parts)
     return planned
 
@@ -235,7 +250,7 @@ def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None
 
 def _problem(plan: VideoPlan, stage: StagePlan, part: int) -> str | None:
     if stage.artifact is not None:
-        return part_problem(stage.artifact, part)
+        return None if (stage.stage.name, stage.key) in plan.known else part_problem(stage.artifact, part)
     if not _begun(plan, stage):
         return "not written yet"
     start, stop = stage.parts[part]

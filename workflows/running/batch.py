@@ -9,16 +9,18 @@ from dataclasses import replace
 
 from zsmoseg.errors import AccessError, StageError, StoreError, ZsmosegError, in_words, stops_all
 from zsmoseg.remote.looks import one_look
-from zsmoseg.stores import files
+from zsmoseg.stores import files, seen
 from zsmoseg.stores.leases import lease
 from zsmoseg.stores.location import MARK, Store
-from zsmoseg.stores.runs import DONE, FAILED, RUNNING, Entry, RunRecord
-from zsmoseg.video.probe import Excerpt, probe
+from zsmoseg.stores.runs import DONE, FAILED, RUNNING, Entry, RunRecord, last_entry
+from zsmoseg.video.probe import Excerpt, Probe, probe
+from zsmoseg.video.sources import stat_signature
 from zsmoseg.workflows.planning.estimate import Estimate, Rates, estimate, refuse_full_disk
 from zsmoseg.workflows.planning.plan import VideoPlan, plan_video
 from zsmoseg.workflows.running.artifacts import prepare, seal_video
 from zsmoseg.workflows.running.choosing import Named
 from zsmoseg.workflows.running.request import Failure, Report, Request, Watcher
+from zsmoseg.workflows.running.summary import settled
 
 
 def make_plan(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
@@ -36,10 +38,14 @@ def make_plan(request: Request, store: Store, source: str, name: str, alone: boo
 def _planned(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
     settings = request.settings
     fingerprint = store.fingerprint(source, settings.video.fingerprint)
-    looked = probe(source, settings.video.parameters(Excerpt))
+    looked = _probe(store, source, fingerprint, settings.video.parameters(Excerpt))
     video = store.video_id(name, fingerprint)
-    with files.looking_at(store.video(video).path, request.out / name):
-        return plan_video(
+    folder = store.video(video).path
+    with files.looking_at(folder, request.out / name):
+        last = last_entry(store, video)
+        now = seen.look(folder, last.keys) if last and last.seen else {}
+        known = seen.known(last.seen, now, last.keys) if last else set()
+        plan = plan_video(
             store,
             source,
             name,
@@ -51,7 +57,19 @@ def _planned(request: Request, store: Store, source: str, name: str, alone: bool
             request.start_from,
             request.until,
             alone,
+            known,
         )
+        plan.seen, plan.settled = now, settled(plan, settings)
+        return plan
+
+
+def _probe(store: Store, source: str, fingerprint: str, excerpt: Excerpt) -> Probe:
+    """The probe of a source: the one known here if no file was touched since; opening a hundred images takes a while."""
+    found = store.remembered(
+        f"{excerpt} {stat_signature(source)}",
+        lambda: {"fingerprint": fingerprint, "probe": probe(source, excerpt).to_json()},
+    )
+    return Probe.from_json(found["probe"])
 
 
 class Batch:
@@ -130,7 +148,10 @@ class Batch:
         self.watcher.planned(plan)
         self.report.planned.add(plan.name)
         self._working[plan.fingerprint] = plan
-        if plan.todo:
+        if plan.settled is not None:
+            self.report.started = True
+            self.finish(plan)
+        elif plan.todo:
             refuse_full_disk(self.request.store, self.guess([plan]))
         elif self.begin(plan):
             self.finish(plan)
@@ -147,7 +168,7 @@ class Batch:
             content = plan.fingerprint
             self._hold_back(source, name, lambda: content in self._working)
             return None
-        if plan.files and name not in self._leases:
+        if plan.files and plan.settled is None and name not in self._leases:
             try:
                 before = plan.output.stamp
                 if not self._lease(plan, wait=False):
@@ -237,9 +258,14 @@ class Batch:
     def finish(self, plan: VideoPlan) -> None:
         """Seal what is complete; clear and describe the output folder."""
         try:
-            with files.looking_at(self.store.video(plan.video).path, plan.output.path):
-                summary = seal_video(plan, self.request.settings)
-            self._note(plan, DONE)
+            if plan.settled is not None:
+                summary = plan.settled or None
+                self._note(plan, DONE)
+            else:
+                with files.looking_at(self.store.video(plan.video).path, plan.output.path):
+                    summary = seal_video(plan, self.request.settings)
+                    plan.seen = self._seen(plan)
+                    self._note(plan, DONE)
         except Exception as error:
             self.fail(plan, Failure.of(error, plan.source), error)
             return
@@ -295,8 +321,14 @@ class Batch:
             plan.graph,
             {name: stage.key for name, stage in plan.stages.items()},
             outcome,
+            seen=plan.seen if outcome == DONE else {},
         )
         self.record.note(replace(entry, failure=failure.message, trace=failure.trace) if failure else entry)
+
+    def _seen(self, plan: VideoPlan) -> dict[str, str]:
+        """How its artifacts are."""
+        keys = {name: stage.key for name, stage in plan.stages.items() if stage.artifact is not None}
+        return seen.look(self.store.video(plan.video).path, keys)
 
     # ------------------------------------------------------------------ the end
     def abandon(self, error: ZsmosegError) -> None:

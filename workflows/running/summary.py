@@ -11,9 +11,11 @@ import numpy as np
 
 from zsmoseg import __version__
 from zsmoseg.settings import Settings
+from zsmoseg.stores import files
 from zsmoseg.stores.arrays import Arrays
-from zsmoseg.stores.output import STATES, SUMMARY
+from zsmoseg.stores.output import LIST, STATES, SUMMARY
 from zsmoseg.stores.records import as_json, read_json
+from zsmoseg.stores.seen import VIDEO
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
@@ -21,6 +23,21 @@ from zsmoseg.workflows.stages.motion.groups import Groups
 from zsmoseg.workflows.stages.proposed.objects import object_names
 
 T = TypeVar("T", bound=Arrays)
+
+
+def settled(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
+    """The summary of a video for which nothing is to be done, written or cleared, as two listings say; empty without files.
+
+    None where somebody has to look closer.
+    """
+    stages = plan.stages.values()
+    artifacts = {(stage.stage.name, stage.key) for stage in stages if stage.artifact is not None}
+    if plan.todo or not {*artifacts, (VIDEO, "")} <= plan.known:
+        return None
+    if not any(stage.stage.output for stage in stages):
+        return {}
+    listed = files.listing(plan.output.path).keys()
+    return _kept(plan, settings) if listed == {*plan.output.files, LIST} else None
 
 
 def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:

@@ -47,6 +47,16 @@ def one_look() -> Iterator[None]:
 
 
 @contextmanager
+def any_look() -> Iterator[None]:
+    """The look that is under way, or one for this block."""
+    if getattr(_looks, "seen", None) is not None:
+        yield
+    else:
+        with one_look():
+            yield
+
+
+@contextmanager
 def no_look() -> Iterator[None]:
     """Within the block this thread asks anew for everything: for what others may have changed since."""
     outer, _looks.seen = getattr(_looks, "seen", None), None

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from zsmoseg.errors import VideoError
-from zsmoseg.remote.looks import one_look
+from zsmoseg.remote.looks import any_look
 from zsmoseg.remote.url import is_url
 from zsmoseg.video import places
 from zsmoseg.video.plain_names import plain
@@ -155,7 +155,7 @@ def stat_signature(source: str) -> str:
 
     Of a URL name, size, time and ETag, from one listing.
     """
-    with one_look():
+    with any_look():
         text = "\n".join(places.signature(file) for file in image_files(source) or [source])
     return hashlib.sha256(text.encode()).hexdigest()
 
