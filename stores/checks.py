@@ -28,6 +28,9 @@ def part_problem(artifact: Artifact, part: int) -> str | None:
     """Why a part is not usable, by its record and the sizes of its files; None where it is."""
     record = artifact.part(part)
     if record is None:
+        # written meanwhile by a run with longer chunks, to which all frames were one part
+        if part and artifact.packed and len(artifact.parts) == 1:
+            return part_problem(artifact, 0)
         there = artifact.packed or artifact.inside.has(part_name(part))
         return "its record is damaged" if there else "not computed yet"
     if artifact.laid_out.get("parts", [])[part : part + 1] != [[record.start, record.stop]]:

@@ -153,7 +153,7 @@ def test_the_same_content_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_a_record_that_is_longer_than_what_is_read_at_once_is_read_whole(store: Store) -> None:
-    packed = make_archive(store, note="x" * (2 * archive._TAIL))
+    packed = make_archive(store, note="x" * (archive._SMALL + archive._TAIL))
     assert check(packed, deep=True) == []
     assert part_problem(packed, 0) is None
     np.testing.assert_array_equal(read_video(packed, "label", 0, FRAMES), content(FRAMES)["label"])
@@ -240,8 +240,15 @@ def test_a_byte_that_changed_anywhere_is_found_and_named(sound: tuple[Artifact, 
     assert verify(store) == []
 
 
-def test_a_byte_that_changed_anywhere_is_never_read_as_good(sound: tuple[Artifact, bytes, list[Any]]) -> None:
+@pytest.mark.parametrize("tail", [None, 20_000, 200])
+def test_a_byte_that_changed_anywhere_is_never_read_as_good(
+    tail: int | None, sound: tuple[Artifact, bytes, list[Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """``tail``: as a large file, of which so much is read at once."""
     artifact, whole, truth = sound
+    if tail is not None:
+        monkeypatch.setattr(archive, "_SMALL", 0)
+        monkeypatch.setattr(archive, "_TAIL", tail)
     end = len(whole) - 2000  # the directory of the zip, whose names others go by
     for place in [*range(0, end, 20 * STEP), *range(end, len(whole), STEP)]:
         rewrite(artifact.archive, whole)
@@ -440,6 +447,22 @@ def test_gc_takes_archives_and_probes_that_no_run_reaches(finished: Path, tiny: 
     assert len(store.video(store.videos()[0]).probes()) == 1
     assert verify(store) == []
     assert again(finished, tiny, **{"video.end": "2f"}) == set()
+
+
+def test_a_run_that_cuts_the_video_otherwise_takes_what_another_wrote_meanwhile(store: Store) -> None:
+    artifact = make_artifact(store, sealed=False)
+    artifact.invalidate([1])
+    make_archive(store)
+    assert [part_problem(artifact, part) for part in range(3)] == [None] * 3
+    assert joined_problem(artifact) is None
+    np.testing.assert_array_equal(read_video(artifact, "label", 4, 8), content(FRAMES)["label"][4:8])
+    truncate(artifact.archive)
+    assert part_problem(artifact, 1) == "its record is damaged"
+    write_part(artifact, 1, content(FRAMES))
+    assert not artifact.packed
+    assert [part_problem(artifact, part) for part in range(3)] == [None] * 3
+    seal_it(artifact)
+    assert verify(store) == []
 
 
 # ---------------------------------------------------------------------- links
