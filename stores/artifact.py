@@ -182,6 +182,13 @@ class Artifact:
             tables = {name: TableEntry(*entry) for name, entry in block["tables"].items()}
             yield Block(part, block["start"], block["stop"], tables)
 
+    @property
+    def written(self) -> int:
+        """How many parts have a record; none is read."""
+        if self.packed or Folder(self.path).has(DONE):
+            return len(self.parts)
+        return len(files.matching(self.path / RECORDS, "[0-9]*.json"))
+
     # ------------------------------------------------------------------ taking back, neighbours
     def unseal(self) -> None:
         """Take back that the whole is done, then its face for readers; the records of the parts stand alone again."""

@@ -1,4 +1,4 @@
-"""``zsmoseg explain VIDEO``: why each object was called moving or static, in words."""
+"""``zsmoseg explain VIDEO [STAGE]``: why each object was called moving or static; why a stage will run."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from zsmoseg.workflows.cli.common import store_option, store_path
+from zsmoseg.workflows.cli.run import setting_options
 
 if TYPE_CHECKING:
     from zsmoseg.workflows.result import Result
@@ -18,6 +19,15 @@ HALF = 0.5
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``explain``."""
     parser.add_argument("video", help="name of a video in the store (see zsmoseg status)")
+    parser.add_argument(
+        "stage",
+        nargs="?",
+        help="instead of the objects: whether this stage would run with the settings given here, and why",
+    )
+    parser.add_argument(
+        "--keys", nargs=2, metavar="KEY", help="with STAGE: how two keys of it differ (their beginnings do)"
+    )
+    setting_options(parser)
     store_option(parser)
     parser.add_argument("--object", type=int, metavar="N", help="only this object (value in the labels)")
     parser.add_argument(
@@ -40,6 +50,10 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.workflows.explanation import details, each_pair
     from zsmoseg.workflows.result import open_store
 
+    if options.stage:
+        return _stage(options)
+    if options.keys:
+        raise StoreError("--keys compares two keys of one stage; name it after the video")
     if options.pairs and not options.object:
         raise StoreError("--pairs tells of one object; name it with --object N")
 
@@ -65,6 +79,24 @@ def main(options: argparse.Namespace) -> int:
     if options.pairs:
         for line in each_pair(result, options.object):
             print(f"  {line}")
+    return 0
+
+
+def _stage(options: argparse.Namespace) -> int:
+    """Why a stage will run, or how two of its keys differ."""
+    from zsmoseg.settings import resolve
+    from zsmoseg.stores.location import Store
+    from zsmoseg.workflows.cli.run import overrides
+    from zsmoseg.workflows.reasons import between, reasons
+
+    store = Store.open(store_path(options.store), create=False)
+    if options.keys:
+        lines = between(store, options.video, options.stage, *options.keys)
+    else:
+        settings = resolve(options.preset, options.config, overrides(options))
+        lines = reasons(store, options.video, options.stage, settings)
+    for line in lines:
+        print(line)
     return 0
 
 
