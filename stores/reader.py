@@ -43,7 +43,10 @@ def read_video(artifact: Artifact, name: str, start: int, stop: int, raw: bool =
     spec = ArraySpec.from_json(artifact.arrays[name])
     touched = [i for i, (a, b) in enumerate(artifact.parts) if a < stop and b > start]
     stored = [_rows(artifact, spec, part, start, stop) for part in touched]
-    whole = np.concatenate(stored) if stored else np.empty((0, *spec.shape[1:]), spec.dtype)
+    if len(stored) == 1:  # most often; no copy
+        whole = stored[0]
+    else:
+        whole = np.concatenate(stored) if stored else np.empty((0, *spec.shape[1:]), spec.dtype)
     return whole if raw else decode(whole, spec.attributes)
 
 

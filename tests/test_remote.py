@@ -179,6 +179,7 @@ def test_files_do_the_same_on_a_disk_and_behind_a_url(memory: URL, tmp_path: Pat
 def test_a_lease_is_held_by_one_and_taken_over_from_one_that_is_gone(
     memory: URL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(leases, "_heart", leases._Heart())
     for name, value in (("EXPIRY", 0.2), ("FAR_PAUSE", 0.05), ("BEAT", 0.02)):
         monkeypatch.setattr(leases, name, value)
     path = memory / "part.lease"
