@@ -16,6 +16,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from zsmoseg.settings import Settings, resolve
+from zsmoseg.workflows.planning.estimate import task_memory
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running import executors
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
@@ -78,11 +79,12 @@ def main() -> None:
     plan, found = measure(sys.argv[1], settings)
     height, width = working_size(plan.probe, settings.frames.width)
     shown, small = plan.probe.height * plan.probe.width, height * width
-    print(f"{'stage':<12} {'MB':>7} {'frames':>7} {'B/px shown':>11} {'B/px working':>13}")
+    print(f"{'stage':<12} {'MB':>7} {'declared':>8} {'frames':>7} {'B/px shown':>11} {'B/px working':>13}")
     for name, peak in found.items():
         frames = max(b - a for a, b in plan.stages[name].parts)
+        declared = task_memory(plan, plan.stages[name]) / 2**20
         print(
-            f"{name:<12} {peak:7.1f} {frames:7} {peak * 2**20 / frames / shown:11.2f} {peak * 2**20 / frames / small:13.2f}"
+            f"{name:<12} {peak:7.1f} {declared:8.1f} {frames:7} {peak * 2**20 / frames / shown:11.2f} {peak * 2**20 / frames / small:13.2f}"
         )
     print(f"a process that has run it takes {base:.0f} MB")
 

@@ -434,7 +434,7 @@ def test_a_video_whose_name_is_no_text_fails_or_runs_and_the_others_go_on(data: 
 def test_what_nobody_expected_keeps_its_trace_in_the_record_and_stays_with_its_video(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from zsmoseg.workflows.running import batch as module
+    from zsmoseg.workflows.running import first_look as module
 
     probe = module.probe
 
