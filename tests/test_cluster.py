@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,7 @@ from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.cli.run import execution_options
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running import cluster as module
-from zsmoseg.workflows.running import driving, local_cluster
+from zsmoseg.workflows.running import deadlines, driving, local_cluster
 from zsmoseg.workflows.running.cluster import Dask
 from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.request import Quiet, Report, Request
@@ -461,3 +463,22 @@ def test_the_local_cluster_and_its_dashboard_listen_on_this_machine_only() -> No
         stack.enter_context(start(1, stack))
         places = listening() - before
     assert {place.ip for place in places} == {"127.0.0.1"}
+
+
+@pytest.mark.usefixtures("pretending")
+def test_a_task_that_runs_over_gets_another_worker_and_fails_the_second_time(tmp_path: Path) -> None:
+    said: list[str] = []
+    with Dask("local", 1, say=said.append) as executor:
+        executor.submit(replace(job(0, tmp_path / "log", 300), deadline=0.5), [], 0)
+        executor.submit(job(1, tmp_path / "log"), [], -1)
+        outcomes = {name[-4:]: outcome for name, outcome in executor.results()}
+    assert outcomes["0001"].state == "done", "others go on"
+    assert outcomes["0000"].state == "failed"
+    assert re.search(r"runs since \d+ s on tcp://127.*it had 0 s, 2 times; look at", outcomes["0000"].error)
+    assert len([line for line in said if "its worker is started anew" in line]) == 2
+    assert len(tries(tmp_path / "log")) == 3
+
+
+def test_a_deadline_follows_the_estimate_and_leaves_room() -> None:
+    assert deadlines.deadline(0.1) == deadlines.LEAST
+    assert deadlines.deadline(3600.0) == 3600.0 * deadlines.TIMES

@@ -74,12 +74,22 @@ def estimate(plans: Sequence[VideoPlan], rates: Rates | None = None) -> Estimate
             if name not in rates:
                 rates[name] = _measured(plan, stage)
             scale = stage.frames_todo * plan.probe.width * plan.probe.height / REFERENCE
-            rate = rates[name]
-            measured &= rate is not None
-            per_frame, per_size = rate or (stage.stage.cost[0] / 1e3, stage.stage.cost[1] * 1e3)
+            measured &= rates[name] is not None
+            per_frame, per_size = _rate(stage, rates)
             seconds += per_frame * scale
             size += int(per_size * scale)
     return Estimate(seconds, size, measured, worker_memory(plans))
+
+
+def _rate(stage: StagePlan, rates: Rates) -> tuple[float, float]:
+    """Seconds and bytes a frame of 480p, measured or typical."""
+    return rates.get(stage.stage.name) or (stage.stage.cost[0] / 1e3, stage.stage.cost[1] * 1e3)
+
+
+def part_seconds(plan: VideoPlan, stage: StagePlan, part: int, rates: Rates) -> float:
+    """What one part takes."""
+    start, stop = stage.parts[part]
+    return _rate(stage, rates)[0] * (stop - start) * plan.probe.width * plan.probe.height / REFERENCE
 
 
 def _measured(plan: VideoPlan, stage: StagePlan) -> tuple[float, float] | None:

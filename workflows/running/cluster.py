@@ -13,6 +13,7 @@ from typing import Any, Self
 
 from zsmoseg.errors import ClusterError
 from zsmoseg.workflows.planning.estimate import cores
+from zsmoseg.workflows.running.deadlines import STARTING, Deadlines
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
 from zsmoseg.workflows.running.local_cluster import start
 from zsmoseg.workflows.running.request import PATIENCE
@@ -63,6 +64,8 @@ class Dask:
         self._futures: dict[str, Any] = {}
         self._open: dict[str, bool] = {}  # names of jobs without result yet: whether a GPU must run them
         self._whole: dict[str, Ordered] = {}  # jobs that are one task, by the name of the first
+        self._limits: dict[str, float] = {}  # seconds that each has, by key
+        self._deadlines, self._late = Deadlines(say), dict[str, Outcome]()
         self._came: SimpleQueue[str] = SimpleQueue()
         self._cluster: Any = None
         self._client: Any = None
@@ -237,6 +240,7 @@ class Dask:
             raise ClusterError(f"the scheduler of {self._name} is gone; {AGAIN}") from error
         self._futures[job.name] = future
         self._open[job.name] = gpu
+        self._limits[f"{job.name}-{self._run}"] = job.deadline
         self._notify(job.name)
 
     def _notify(self, name: str) -> None:
@@ -252,9 +256,12 @@ class Dask:
             except Empty:
                 self._look(TICK)
                 continue
+            if name not in self._open:  # one that ran over, and was dropped
+                continue
             outcome = self._outcome(name)
             if outcome is not None:
                 del self._open[name]
+                del self._limits[f"{name}-{self._run}"]
                 self._empty_since = None
                 yield from outcome.items()
             self._look(LOOK)
@@ -263,8 +270,24 @@ class Dask:
         if time.monotonic() - self._looked < every:
             return
         self._watch(self._present())
+        self._drop_late()
         while self._lost:
             self._notify(self._lost.pop())
+
+    def _drop_late(self) -> None:
+        """Workers whose task runs over start anew; a task that did once too often failed."""
+        try:
+            late = within(
+                2 * CONNECT + STARTING,
+                lambda: self._deadlines.look(self._client, self._limits, self._take_back),
+            )
+        except Exception:  # whatever Dask raises when it is in trouble: the next look says what is wrong
+            return
+        self._late |= {key.removesuffix(f"-{self._run}"): outcome for key, outcome in late.items()}
+
+    def _take_back(self, key: str) -> None:
+        """A task by its key; its name comes among what ended."""
+        self._futures[key.removesuffix(f"-{self._run}")].cancel(force=True)
 
     def _outcome(self, name: str) -> dict[str, Outcome] | None:
         """What became of a job, or of those that were one task with it; None where its result was lost with a worker, and comes again."""
@@ -272,6 +295,9 @@ class Dask:
         from distributed import TimeoutError as Late
 
         future = self._futures[name]
+        if name in self._late:
+            outcome = self._late.pop(name)
+            return all_failed(self._whole.pop(name), outcome) if name in self._whole else {name: outcome}
         if future.status == "cancelled":
             raise ClusterError(
                 f"{self._name} dropped the work: its scheduler is gone or was restarted; {AGAIN}"

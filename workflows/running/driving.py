@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 
 from zsmoseg.errors import ZsmosegError
 from zsmoseg.stores import files
+from zsmoseg.workflows.planning.estimate import Rates, part_seconds
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.batch import Batch
+from zsmoseg.workflows.running.deadlines import deadline
 from zsmoseg.workflows.running.executors import Executor
 from zsmoseg.workflows.running.jobs import Job, Outcome
 from zsmoseg.workflows.running.request import Failure, Request, Watcher
@@ -69,7 +71,7 @@ class Drive:
 
     def _submit(self, plan: VideoPlan) -> None:
         video = _Running(plan)
-        found = list(jobs(self._batch.request, plan, self._taken, self._executor.threads))
+        found = list(jobs(self._batch.request, plan, self._taken, self._executor.threads, self._batch.rates))
         for job, _, _ in found:
             video.left[job.name] = job
             self._running[job.name] = video
@@ -122,7 +124,7 @@ def _note(video: _Running, job: Job, outcome: Outcome, watcher: Watcher) -> None
 
 
 def jobs(
-    request: Request, plan: VideoPlan, index: int, threads: int = 1
+    request: Request, plan: VideoPlan, index: int, threads: int, rates: Rates
 ) -> Iterator[tuple[Job, list[str], int]]:
     """The jobs of a video in order, the names of those before each, and their priority.
 
@@ -152,6 +154,7 @@ def jobs(
                 promised(plan, stage, request.settings.video.fingerprint),
                 stage.packed,
                 request.steal,
+                deadline(part_seconds(plan, stage, part, rates)),
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]

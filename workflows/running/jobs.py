@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +32,7 @@ class Job:
 
     ``frames`` is the key that holds the probe, ``networks`` where networks run, ``network`` whether one may;
     ``promise`` is what its key says of files that it may read (``trust.py``); ``packed``: it leaves one file; ``steal``: see
-    ``Request``.
+    ``Request``; ``deadline``: the seconds that it has (``deadlines.py``).
     """
 
     store: str
@@ -51,6 +52,7 @@ class Job:
     promise: Mapping[str, str] = field(default_factory=dict)
     packed: bool = False
     steal: bool = False
+    deadline: float = inf
 
     @property
     def name(self) -> str:
