@@ -23,7 +23,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -172,7 +172,8 @@ class Batch:
         if not victims:
             return
         self._look_at_finished(kind)
-        self.draw.choice(victims).send_signal(SIGNALS.get(kind, signal.SIGKILL))
+        with suppress(psutil.NoSuchProcess):  # it ended by itself just now
+            self.draw.choice(victims).send_signal(SIGNALS.get(kind, signal.SIGKILL))
         self.kills -= 1
         self.killed.append(kind)
         self.tally.kills[self.name, kind] += 1
