@@ -25,6 +25,7 @@ from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact, marks_in
 from zsmoseg.stores.keys import FORMAT
 from zsmoseg.stores.records import (
+    DESCRIPTION,
     PROBES,
     RUNS,
     read_json,
@@ -47,13 +48,13 @@ class VideoFolder:
     @property
     def description(self) -> dict[str, Any] | None:
         """``source`` and ``fingerprint``; None where that is missing or damaged."""
-        return recall_record(self.path / "video.json")
+        return recall_record(self.path / DESCRIPTION)
 
     def describe(self, source: str, fingerprint: str) -> None:
         """Note where the video came from; writes only what is new or mends it."""
         content = {"source": source, "fingerprint": fingerprint}
         if content != self.description:
-            write_record(self.path / "video.json", content)
+            write_record(self.path / DESCRIPTION, content)
 
     def artifact(self, stage: str, key: str) -> Artifact:
         """The artifact of a stage; it need not exist."""
@@ -131,7 +132,7 @@ class Store:
             return False
         inside = [path for path in files.inside(self.path) if path.name != MARK and path.suffix != ".tmp"]
         runs = bool(files.matching(self.runs, "*.json"))
-        return not inside or runs or any(files.exists(path / "video.json") for path in inside)
+        return not inside or runs or any(files.exists(path / DESCRIPTION) for path in inside)
 
     def _make(self, marked: bool) -> None:
         try:

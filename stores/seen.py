@@ -11,11 +11,10 @@ from collections.abc import Mapping
 from pathlib import PurePath
 
 from zsmoseg.stores import files
-from zsmoseg.stores.records import ARCHIVE, PROBES
+from zsmoseg.stores.records import ARCHIVE, DESCRIPTION, PROBES
 
 VIDEO = "video"
 """Under this name what is no artifact: who the video is, its probe, leases that a killed run left."""
-DESCRIPTION = "video.json"
 
 
 def look(video: PurePath, keys: Mapping[str, str]) -> dict[str, str]:

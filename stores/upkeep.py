@@ -11,7 +11,7 @@ from zsmoseg.stores import files
 from zsmoseg.stores.checks import Damage, check
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.output import known_outputs
-from zsmoseg.stores.records import ARCHIVE, read_json, read_record
+from zsmoseg.stores.records import ARCHIVE, DESCRIPTION, read_json, read_record
 from zsmoseg.stores.runs import entry_paths, forget_run, read_entry, read_run, run_ids, run_of, run_path
 
 
@@ -108,7 +108,7 @@ def _verify(store: Store, deep: bool) -> list[Damage]:
     found += [Damage(path, None, "is damaged") for path in entry_paths(store) if read_entry(path) is None]
     for video in map(store.video, store.videos()):
         if video.description is None:
-            found.append(Damage(video.path / "video.json", None, "is missing or damaged"))
+            found.append(Damage(video.path / DESCRIPTION, None, "is missing or damaged"))
         for path in video.probes():
             if read_record(path) is None:
                 found.append(Damage(path, None, "is damaged"))

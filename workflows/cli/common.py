@@ -6,8 +6,13 @@ import argparse
 import os
 import sys
 from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
 
 from zsmoseg.remote.url import folder
+
+if TYPE_CHECKING:
+    from zsmoseg.stores.checks import Damage
+    from zsmoseg.stores.location import Store
 
 OUT = "zsmoseg-out"
 
@@ -29,6 +34,20 @@ def store_path(given: PurePath | None, out: PurePath | None = None) -> PurePath:
     if os.environ.get("ZSMOSEG_STORE"):
         return folder(os.environ["ZSMOSEG_STORE"])
     return (out or Path(OUT)).parent / "zsmoseg-store"
+
+
+def told_damages(store: Store) -> list[Damage]:
+    """What ``verify`` finds, a line each on the terminal, or that there is nothing."""
+    from zsmoseg.stores import files
+    from zsmoseg.stores.upkeep import verify
+
+    with files.looking_at(store.path):
+        damages = verify(store)
+    for damage in damages:
+        print(f"{damage.path}: {damage.what}")
+    if not damages:
+        print(f"{store.path}: every file is as it was written")
+    return damages
 
 
 def agreed(question: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from zsmoseg.workflows.cli.common import agreed, store_option, store_path
+from zsmoseg.workflows.cli.common import agreed, store_option, store_path, told_damages
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -15,17 +15,12 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Show what is damaged, ask, take back the records of it; the files stay until they are made again."""
-    from zsmoseg.stores import files
     from zsmoseg.stores.location import Store
-    from zsmoseg.stores.upkeep import take_back, verify
+    from zsmoseg.stores.upkeep import take_back
 
     store = Store.open(store_path(options.store), create=False)
-    with files.looking_at(store.path):
-        damages = verify(store)
-    for damage in damages:
-        print(f"{damage.path}: {damage.what}")
+    damages = told_damages(store)
     if not damages:
-        print(f"{store.path}: every file is as it was written")
         return 0
     if not options.yes and not agreed("take back?"):
         print("nothing changed")

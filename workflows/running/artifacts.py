@@ -21,9 +21,7 @@ def prepare(store: Store, plan: VideoPlan) -> None:
 
     What is finished stays: another run may read it, or may have finished it since this plan was made.
     """
-    folder = store.video(plan.video)
-    folder.describe(plan.source, plan.fingerprint)
-    folder.keep_probe(plan.stages["frames"].key, plan.probe.to_json())
+    store.video(plan.video).keep_probe(plan.stages["frames"].key, plan.probe.to_json())
     for stage in plan.stages.values():
         if stage.artifact is None:
             continue

@@ -11,6 +11,7 @@ from zsmoseg.video.sources import stat_signature
 from zsmoseg.workflows.planning.plan import VideoPlan, plan_video
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.summary import settled
+from zsmoseg.workflows.stages.cues.frames import STAGE
 
 
 def make_plan(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
@@ -54,9 +55,12 @@ def _planned(request: Request, store: Store, source: str, name: str, alone: bool
 
 
 def _probe(store: Store, source: str, fingerprint: str, excerpt: Excerpt) -> Probe:
-    """The probe of a source: the one known here if no file was touched since; opening a hundred images takes a while."""
+    """The probe of a source: the one known here if no file was touched since; opening a hundred images takes a while.
+
+    One of another version of the stage ``frames`` may mean other frames, and does not count.
+    """
     found = store.remembered(
-        f"{excerpt} {stat_signature(source)}",
+        f"{STAGE.version} {excerpt} {stat_signature(source)}",
         lambda: {"fingerprint": fingerprint, "probe": probe(source, excerpt).to_json()},
     )
     return Probe.from_json(found["probe"])
