@@ -16,7 +16,7 @@ from zsmoseg.flow.warp import inverted, resized
 from zsmoseg.formats.depth import DepthSource, inverse_depth, open_depth
 from zsmoseg.formats.flow import FlowSource, open_flow
 from zsmoseg.formats.mask_formats import open_masks
-from zsmoseg.formats.names import match_frames
+from zsmoseg.formats.matching import match_frames
 from zsmoseg.formats.overlaps import FrameMasks, MaskSource
 from zsmoseg.stores.location import Store
 from zsmoseg.video.probe import Probe

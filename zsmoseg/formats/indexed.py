@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from zsmoseg.errors import FormatError
+from zsmoseg.formats.binary import refuse_binary
 from zsmoseg.formats.label_images import image_size, read_labels
-from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, refuse_binary, text
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, text
 
 
 class IndexedFolder(MaskSource):

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
+from zsmoseg.formats.binary import refuse_binary
 from zsmoseg.formats.npy import Rows, load, only_key
-from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, refuse_binary, refuse_many, stack, text
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, refuse_many, stack, text
 from zsmoseg.video.bounds import TooLarge, check_size
 
 PREFIX = "proposals_"
