@@ -9,10 +9,13 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from conftest import draw_clip, write_folder
 from PIL import Image
 
 from zsmoseg.errors import FormatError
-from zsmoseg.formats import match_frames, open_masks
+from zsmoseg.formats import inverse_depth, match_frames, open_depth, open_flow, open_masks
+from zsmoseg.formats.flow_files import encode_kitti, write_flo
+from zsmoseg.workflows.cli import main
 
 SIZE = (48, 64)
 PADDED = [f"{t:05d}" for t in range(20)]
@@ -247,3 +250,160 @@ def test_ids_are_ids_even_where_one_is_255(how: str, tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", images)
     source = open_masks(tmp_path / "a.npy")
     assert all(np.array_equal(source.read(t).label, images[t]) for t in range(3))
+
+
+# ---------------------------------------------------------------------- flow and depth
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e10, -1e10, 1.6e9])
+@pytest.mark.parametrize("both", [False, True])
+def test_what_is_no_number_or_no_motion_in_a_flo_file_is_unknown(
+    value: float, both: bool, tmp_path: Path
+) -> None:
+    flow = np.ones((2, *SIZE), np.float32)
+    flow[slice(0, 2 if both else 1), 3, 4] = value
+    stored = np.moveaxis(flow, 0, 2).astype("<f4")
+    head = b"PIEH" + np.array(SIZE[::-1], "<i4").tobytes()
+    (tmp_path / "00000.flo").write_bytes(head + stored.tobytes())
+    found = open_flow(tmp_path).read(0)
+    assert np.isnan(found[:, 3, 4]).all()
+    found[:, 3, 4] = 1
+    assert (found == 1).all()
+
+
+def test_disparity_has_no_zero_and_nothing_below() -> None:
+    values = np.array([[2.0, 0.0, -1.0, np.nan, np.inf, 1e-9]])
+    nan = np.nan
+    assert np.array_equal(
+        inverse_depth(values, "disparity"), np.float32([[2, nan, nan, nan, nan, 1e-9]]), equal_nan=True
+    )
+    assert np.array_equal(inverse_depth(values, "inverse-depth")[0, :3], [2, 0, -1]), "of networks, it may be"
+
+
+def _colours() -> np.ndarray:
+    ramp = np.tile(np.arange(SIZE[1], dtype=np.uint8) * 4, (SIZE[0], 1))
+    return np.asarray(cv2.applyColorMap(ramp, cv2.COLORMAP_INFERNO))
+
+
+COLOUR = {
+    "rgb": lambda: Image.fromarray(_colours()),
+    "rgba": lambda: Image.fromarray(np.dstack([_colours(), np.full(SIZE, 255, np.uint8)])),
+    "palette": lambda: Image.fromarray(_colours()).convert("P", palette=Image.Palette.ADAPTIVE),
+    "16 bits": lambda: cv2.imencode(".png", _colours().astype(np.uint16) * 257)[1].tobytes(),
+}
+
+
+@pytest.mark.parametrize("kind", COLOUR)
+def test_depth_in_colour_is_told_to_be_that(kind: str, tmp_path: Path) -> None:
+    made, path = COLOUR[kind](), tmp_path / "00000.png"
+    path.write_bytes(made) if isinstance(made, bytes) else made.save(path)
+    with pytest.raises(
+        FormatError, match=r"00000\.png: is in colour, depth painted for the eye; give the depth"
+    ):
+        open_depth(tmp_path).read(0)
+
+
+@pytest.mark.parametrize("mode", ["L", "I;16", "RGB", "RGBA", "P"])
+def test_grey_depth_is_read_however_it_is_stored(mode: str, tmp_path: Path) -> None:
+    ramp = np.tile(np.arange(SIZE[1], dtype=np.uint8) * 3, (SIZE[0], 1))
+    image = Image.fromarray(ramp.astype(np.uint16) if mode == "I;16" else ramp)
+    (image if mode == "I;16" else image.convert(mode)).save(tmp_path / "00000.png")
+    assert np.array_equal(open_depth(tmp_path).read(0), ramp)
+
+
+# ---------------------------------------------------------------------- the last line of an import
+FRAMES = 4
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_folder(tmp_path_factory.mktemp("source") / "disc", draw_clip(0, FRAMES, *SIZE)[0])
+
+
+def _strokes(folder: Path) -> Path:
+    given = [
+        {"image_id": t, "segmentation": [polygon(t), [1, 2, 3, 4]], "attributes": {"track_id": 0}}
+        for t in range(FRAMES)
+    ]
+    return coco(folder / "a.json", [*given, {"image_id": 0, "attributes": {"track_id": 1}}], PADDED[:FRAMES])
+
+
+def _crowds(folder: Path) -> Path:
+    given = [{**CROWD, "image_id": t, "track_id": 1} for t in range(FRAMES)]
+    other = {**CROWD, "image_id": FRAMES, "track_id": 2}
+    names = [*(f"disc/{t:05d}.png" for t in range(FRAMES)), "cat/00000.png"]
+    return coco(folder / "a.json", [*given, other], names)
+
+
+def _images(folder: Path) -> Path:
+    for t in range(FRAMES):
+        Image.fromarray(square(t)).save(folder / f"{t:05d}.png")
+    for name in ("readme.txt", ".hidden", "Thumbs.db", "old.jpg"):
+        (folder / name).touch()
+    return folder
+
+
+def _flow(folder: Path) -> Path:
+    flow = np.zeros((2, *SIZE), np.float32)
+    flow[:, : SIZE[0] // 2] = np.nan
+    for t in range(FRAMES - 1):
+        write_flo(folder / f"{t:05d}.flo", flow)
+    (folder / "log.txt").touch()
+    return folder
+
+
+def _kitti(folder: Path) -> Path:
+    for t in range(FRAMES):
+        (folder / f"{t:05d}.png").write_bytes(encode_kitti(np.zeros((2, *SIZE)), ""))
+    return folder
+
+
+def _disparity(folder: Path) -> Path:
+    values = np.ones((FRAMES, *SIZE), np.float32)
+    values[:, : SIZE[0] // 4] = -1
+    np.save(folder / "a.npy", values)
+    return folder / "a.npy"
+
+
+TOLD = {
+    "strokes": ("proposals", _strokes, "left out: annotations without a mask (1), polygons of fewer than three points (4)"),
+    "new ids": ("proposals", _strokes, "; ids numbered in order: 0 is 1"),
+    "crowds": ("proposals", _crowds, "annotations of other videos (1); 4 marked as crowds (iscrowd)"),
+    "files": ("proposals", _images, "masks on 4 of 4 frames; 0 px hidden below others; left out: other files and folders beside them (2)"),
+    "flow": ("flow", _flow, "3 pairs, 50.0 % of the pixels unknown; left out: other files and folders beside them (1)"),
+    "flow of the last frame": ("flow", _kitti, "3 pairs, 0.0 % of the pixels unknown; left out: entries of frames that are not used (1)"),
+    "disparity": ("depth", _disparity, "4 maps, 25.0 % of the pixels unknown"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", TOLD)
+def test_the_last_line_of_an_import_counts_what_was_left_out(
+    case: str, source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kind, write, words = TOLD[case]
+    (tmp_path / "given").mkdir()
+    path = write(tmp_path / "given")
+    is_ = ["--depth-is", "disparity"] if kind == "depth" else []
+    common = [str(source), "--store", str(tmp_path / "store"), "--scheduler", "serial"]
+    assert main(["import", *common, f"--{kind}", str(path), *is_, "--set", f"frames.width={SIZE[1]}"]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith(f"disc: {kind} from")]
+    assert words in line
+
+
+def test_a_run_says_the_same_and_what_an_excerpt_does_not_use(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "given").mkdir()
+    words = ["run", str(source), "--store", str(tmp_path / "store"), "--scheduler", "serial"]
+    cut = ["-o", str(tmp_path / "out"), "--proposals", str(_images(tmp_path / "given")), "--end", "3f"]
+    assert main([*words, *cut]) == 0
+    assert "entries of frames that are not used (1)" in capsys.readouterr().err
+
+
+def test_nothing_but_strokes_is_refused_with_their_number(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [{"image_id": 0, "segmentation": [[1, 2, 3, 4]]}, {"image_id": 1, "segmentation": [[5, 6]]}]
+    path = coco(tmp_path / "a.json", given)
+    words = ["import", str(source), "--store", str(tmp_path / "store"), "--scheduler", "serial"]
+    assert main([*words, "--proposals", str(path)]) == 2
+    found = capsys.readouterr().err
+    assert "has no mask in any of the 4 frames; left out: annotations without a mask (2), polygons" in found

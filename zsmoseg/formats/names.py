@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
@@ -21,6 +22,11 @@ SHOWN = 80
 
 DIGITS = 18
 """Of the number of a frame at most; longer ones are hashes."""
+
+OTHERS = "other files and folders beside them"
+"""What is left out of a folder."""
+SYSTEM = ("thumbs.db", "desktop.ini")
+"""Files that systems put into folders."""
 
 SIDES = ("forward", "backward")
 """Folders of flow."""
@@ -73,6 +79,12 @@ def frame_files(folder: Path, endings: Iterable[str] = FRAME) -> list[Path]:
     if len(found) > 1:
         raise FormatError(f"{folder}: holds files of several kinds ({', '.join(found)}); keep those of one")
     return sorted(files, key=lambda p: natural(p.name))
+
+
+def others(folder: Path, taken: Iterable[Path]) -> Counter[str]:
+    """How many files and folders of a folder are not taken; hidden ones and those of systems do not count."""
+    seen = {p for p in folder.iterdir() if not p.name.startswith(".") and p.name.lower() not in SYSTEM}
+    return +Counter({OTHERS: len(seen - set(taken))})
 
 
 def inside(name: str, where: str) -> PurePosixPath:

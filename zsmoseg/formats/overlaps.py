@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -158,6 +158,12 @@ def as_ids(values: NDArray[Any], size: tuple[int, int], where: str) -> NDArray[n
             f"{where}: holds the id {low if low < 0 else high}; ids go from 1 to {HIGHEST}, 0 = none"
         )
     return values.astype(np.uint16)
+
+
+def left_out_words(left_out: Mapping[str, int]) -> str:
+    """What was left out, how many of each: goes on with a sentence; nothing where nothing was."""
+    found = ", ".join(f"{what} ({count})" for what, count in sorted(left_out.items()) if count)
+    return f"; left out: {found}" if found else ""
 
 
 def text(size: Sequence[int]) -> str:

@@ -70,4 +70,5 @@ def numbers_of(values: Sequence[Value], path: Path) -> tuple[dict[Value, int], s
     if len(given) > HIGHEST:
         raise FormatError(f"{path}: has {len(given)} objects; at most {HIGHEST} can be numbered")
     numbers = {value: k for k, value in enumerate(given, 1)}
-    return numbers, f"ids numbered in order: {given[0]} is 1, {given[-1]} is {len(given)}"
+    last = f" to {given[-1]} is {len(given)}" if len(given) > 1 else ""
+    return numbers, f"ids numbered in order: {given[0]} is 1{last}"
