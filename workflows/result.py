@@ -17,6 +17,7 @@ from zsmoseg.stores.dataset import open_dataset
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import DONE, entries, latest
 from zsmoseg.video.probe import Probe
+from zsmoseg.workflows.object_numbers import objects, objects_of_pieces
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import run
 from zsmoseg.workflows.stages.front_end import Labels
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
 
 BLOCK = 16
 """Frames that a lazy mask reads at once."""
-COLUMNS = ("object", "group", "instance", "frames", "area", "excess", "tolerance", "world")
-"""Of the table of objects."""
+EVIDENCE = ("excess", "tolerance", "world")
+"""Columns of the tables of objects and of pieces."""
 LAST = "masks"
 """What a run to the end reaches."""
 
@@ -106,7 +107,7 @@ class Result:
         return xr.DataTree.from_dict({n: d for n, d in parts.items() if d.variables}, name=self.name)
 
     def masks(self, kind: Literal["moving", "group", "instance"] = "moving") -> xr.DataArray:
-        """Masks (frame, y, x), read when used: ``moving`` bool, ``group`` and ``instance`` integers, 0 = static."""
+        """Masks (frame, y, x), read when used: ``moving`` bool, ``group`` and ``instance`` (objects) integers, 0 = static."""
         import xarray as xr
 
         labels = open_dataset(self.artifact("labels"))["label"]
@@ -142,16 +143,45 @@ class Result:
 
     @property
     def objects(self) -> pd.DataFrame:
-        """One row an object: object, group, instance, frames, area, excess (px), tolerance (px), world, visibility.
+        """One row an object: object, group, pieces, frames, frames_moving, area, then what is known of its main piece.
+
+        That is excess (px), tolerance (px), world and visibility: see ``pieces``. Object 0 is the background; numbers are
+        those of ``objects/``, ``motion.csv``, ``summary.json`` and exports.
+        """
+        import pandas as pd
+
+        found = list(objects(self.groups, self.labels))
+        pieces = self.pieces.set_index("piece").loc[[thing.number for thing in found]].reset_index(drop=True)
+        own = pd.DataFrame(
+            {
+                "object": [thing.number for thing in found],
+                "group": pieces["group"],
+                "pieces": [tuple(thing.pieces) for thing in found],
+                "frames": [thing.frames for thing in found],
+                "frames_moving": [thing.frames_moving for thing in found],
+                "area": [thing.area for thing in found],
+            }
+        )
+        return own.join(pieces.drop(columns=own.columns, errors="ignore"))
+
+    @property
+    def pieces(self) -> pd.DataFrame:
+        """One row a piece, as it was proposed: piece, the object that it belongs to, group, frames, area, evidence.
 
         ``world`` is the affinity with the static world, tolerance / (tolerance + excess): one half = at the tolerance.
-        Of proposed masks also ``origin``, the id in the files, and ``category`` where a network named them.
+        ``reason``: what decided (``zsmoseg.grouping.decisions``). Of proposed masks also ``origin``, the id in the files, and
+        ``category`` where a network named them.
         """
         import pandas as pd
 
         groups = self.groups
-        columns = {name: getattr(groups, name) for name in COLUMNS}
-        columns["visibility"] = self.affinity.visibilities(len(groups.group))
+        columns = {
+            "piece": groups.object,
+            "object": objects_of_pieces(groups),
+            **{name: getattr(groups, name) for name in ("group", "frames", "frames_moving", "area")},
+            **{name: getattr(groups, name) for name in (*EVIDENCE, "reason")},
+            "visibility": self.affinity.visibilities(len(groups.group)),
+        }
         if "proposals" in self.keys:
             columns["origin"] = MaskObjects.read(self.artifact("objects")).origin
             if self.categories:
