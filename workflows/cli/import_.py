@@ -47,7 +47,7 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.workflows.planning.plan import VideoPlan
     from zsmoseg.workflows.running.progress import make_watcher
     from zsmoseg.workflows.running.request import Request
-    from zsmoseg.workflows.running.run import each_plan, run
+    from zsmoseg.workflows.running.run import each_plan, found_in, run
 
     settings = resolve(options.preset, options.config, overrides(options))
     kinds = [kind for kind in KINDS if getattr(settings, kind).path]
@@ -58,7 +58,7 @@ def main(options: argparse.Namespace) -> int:
     with make_watcher() as watcher:
         report = run(request, watcher)
     opened = Store.open(store, create=True)
-    for name, plan in each_plan(request, opened):
+    for name, plan in each_plan(request, opened, found_in(request)):
         if name in report.finished and isinstance(plan, VideoPlan):
             remember(opened, plan.video, plan.brought)
             for kind, brought in plan.brought.items():
