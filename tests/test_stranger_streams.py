@@ -93,9 +93,13 @@ LARGE, SMALL = (160, 90), (80, 48)
 STREAMS: dict[str, Callable[[Path], Path]] = {
     "cover before the video": lambda p: with_cover(p / "a.mp4"),
     "cover as a stream": lambda p: several(p / "a.mp4", ([63], LARGE, COVER), (ALL, LARGE, NONE)),
-    "a picture that is not marked": lambda p: several(p / "a.mkv", ([63], LARGE, DEFAULT), (ALL, LARGE, NONE)),
+    "a picture that is not marked": lambda p: several(
+        p / "a.mkv", ([63], LARGE, DEFAULT), (ALL, LARGE, NONE)
+    ),
     "a preview": lambda p: several(p / "a.mkv", (OTHER[:9], SMALL, NONE), (ALL, LARGE, NONE)),
-    "a preview, all default": lambda p: several(p / "a.mkv", (OTHER[:9], SMALL, DEFAULT), (ALL, LARGE, DEFAULT)),
+    "a preview, all default": lambda p: several(
+        p / "a.mkv", (OTHER[:9], SMALL, DEFAULT), (ALL, LARGE, DEFAULT)
+    ),
     "a preview as long": lambda p: several(p / "a.mkv", (OTHER, SMALL, DEFAULT), (ALL, LARGE, DEFAULT)),
     "the default": lambda p: several(p / "a.mkv", (OTHER * 2, LARGE, NONE), (ALL, LARGE, DEFAULT)),
     "the default, first": lambda p: several(p / "a.mkv", (ALL, SMALL, DEFAULT), (OTHER * 2, LARGE, NONE)),
@@ -107,7 +111,9 @@ STREAMS: dict[str, Callable[[Path], Path]] = {
 
 
 @pytest.mark.parametrize("kind", STREAMS)
-def test_the_video_is_the_default_else_the_longest_stream_and_never_a_picture(kind: str, tmp_path: Path) -> None:
+def test_the_video_is_the_default_else_the_longest_stream_and_never_a_picture(
+    kind: str, tmp_path: Path
+) -> None:
     looked = look(STREAMS[kind](tmp_path))
     assert numbers(looked) == ALL
     assert looked.times[1] == pytest.approx(0.04, abs=1e-3)
@@ -192,7 +198,9 @@ def test_an_avi_that_promises_more_frames_is_whole(tmp_path: Path) -> None:
     assert numbers(look(tmp_path / "a.avi")) == ALL
 
 
-@pytest.mark.parametrize(("ending", "codec"), [("mkv", "libx264"), ("webm", "libvpx"), ("avi", "mpeg4"), ("mp4", "libx264")])
+@pytest.mark.parametrize(
+    ("ending", "codec"), [("mkv", "libx264"), ("webm", "libvpx"), ("avi", "mpeg4"), ("mp4", "libx264")]
+)
 def test_a_file_that_lacks_its_end_is_told_from_one_that_promised_too_much(
     ending: str, codec: str, tmp_path: Path
 ) -> None:
@@ -201,7 +209,9 @@ def test_a_file_that_lacks_its_end_is_told_from_one_that_promised_too_much(
         add(container, ALL, codec, bf="0")
     data = path.read_bytes()
     path.write_bytes(data[: len(data) * 7 // 10])
-    with pytest.raises(VideoError, match=r"is damaged or cut off: frames 0 to \d+ can be decoded, frame \d+ cannot"):
+    with pytest.raises(
+        VideoError, match=r"is damaged or cut off: frames 0 to \d+ can be decoded, frame \d+ cannot"
+    ):
         look(path)
     looked = look(path, allow_truncated=True)
     assert numbers(looked) == ALL[: len(looked.times)]
