@@ -10,6 +10,7 @@ from threading import Event, Thread
 from types import TracebackType
 from typing import Any, Self, TextIO
 
+from zsmoseg.workflows.imports.told import brought_lines
 from zsmoseg.workflows.planning.estimate import Estimate, estimate_lines
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan
 from zsmoseg.workflows.planning.rates import Rates
@@ -269,6 +270,7 @@ def video_lines(plan: VideoPlan, summary: dict[str, Any] | None) -> list[str]:
         f"{plan.name}: {counted(summary['frames'], 'frame')}, {counted(summary['objects'], 'object')}, "
         f"{counted(summary['moving_groups'], 'moving group')}, {summary['moving_pixels_percent']:.1f} % of the pixels move"
     ]
+    lines += [f"  {line}" for line in (brought_lines(plan) if plan.settled is None else [])]
     lines += [f"  warning: {text}" for text in summary["warnings"]]
     return [*lines, f"  masks: {plan.output.path / 'masks'}"]
 

@@ -29,6 +29,7 @@ from zsmoseg.workflows.running.choosing import Named, choose, nothing_left
 from zsmoseg.workflows.running.driving import Drive
 from zsmoseg.workflows.running.executors import make_executor
 from zsmoseg.workflows.running.first_look import make_plan
+from zsmoseg.workflows.running.guard import leave_if_imported_again
 from zsmoseg.workflows.running.request import Failure, Quiet, Report, Request, Watcher
 from zsmoseg.workflows.running.workers import Needs
 
@@ -59,6 +60,8 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     ZsmosegError
         Before anything is started: bad sources, settings, store, output folder, too little disk, no cluster.
     """
+    if request.scheduler == "local":
+        leave_if_imported_again()
     watcher = watcher or Quiet()
     with system_errors_in_words():
         place, _ = files.folder(request.store), files.folder(request.out)
