@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.grouping.state import Hysteresis
+from zsmoseg.proposals.embedded.objects import Selection
 from zsmoseg.settings import Settings
 from zsmoseg.workflows.result import Result
+from zsmoseg.workflows.stages.embedded.objects import SuperpixelObjects
 from zsmoseg.workflows.stages.front_end import Objects, Shot, local_ids, shots_of
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups
@@ -31,6 +33,7 @@ def details(result: Result, number: int) -> list[str]:
     groups = result.groups
     held = groups.excess[number] / groups.tolerance[number] if groups.group[number] else np.nan
     return [
+        *_later_look(result, shot, number),
         _companions(result, shot, number),
         _residuals(result, shot, int(np.searchsorted(shot.objects, number))),
         _margin(margin, frames, float(held)),
@@ -139,6 +142,21 @@ def _runs(frames: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
     for run in np.split(frames, np.flatnonzero(np.diff(frames) > 1) + 1):
         if len(run):
             yield int(run[0]), int(run[-1])
+
+
+def _later_look(result: Result, shot: Shot, number: int) -> Iterator[str]:
+    """Of an object of the embedded front end that the first look did not find."""
+    if "segments" not in result.keys:
+        return
+    for block in SuperpixelObjects.read(result.artifact("objects")).of(shot.start, shot.stop).blocks():
+        if block.has("look") and (mine := block.object_of == number).any():
+            look, sure = int(block.look[mine].max()), float(block.sure[mine].max())
+            if look > 1:
+                yield (
+                    f"found by look {look}, among what those before had left, where it is the fastest: mean score {sure:.2f} "
+                    f"over its life, {Selection.sure:.2f} are asked for"
+                )
+            return
 
 
 def _companions(result: Result, shot: Shot, number: int) -> str:
