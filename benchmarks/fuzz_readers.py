@@ -233,13 +233,13 @@ def main() -> int:
                 name, kind, math.ceil(options.inputs * kind.share / shares), options.seed, reader, tally
             )
             failures += [failure] if failure else []
+            if failure:
+                print(failure, flush=True)
             print(
                 f"{name:<40} {tally.total() - before:>6} inputs {time.monotonic() - begun:>6.1f} s {'FAILED' if failure else ''}",
                 flush=True,
             )
         reader.stop()
-    for failure in failures:
-        print(f"\n{failure}")
     print(
         f"{tally.total()} inputs of {len(chosen)} kinds: {tally['read']} read, {tally['refused']} refused, {len(failures)} failures"
     )

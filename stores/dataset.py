@@ -31,5 +31,8 @@ def open_dataset(artifact: Artifact) -> xr.Dataset:
     if problems or not artifact.parts:
         raise StoreError(f"{artifact.path}: {(problems or ['nothing here'])[0]}; {AGAIN}")
     place = files.zip_store(artifact.archive) if artifact.packed else files.zarr_store(artifact.path)
-    found: xr.Dataset = xr.open_zarr(place, chunks=None)
+    try:
+        found: xr.Dataset = xr.open_zarr(place, chunks=None)
+    except Exception as error:  # coordinates are read at once, and Zarr, its codecs and zipfile raise their own
+        raise StoreError(f"{artifact.path}: cannot be opened ({error}); {AGAIN}") from error
     return found
