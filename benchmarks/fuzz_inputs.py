@@ -24,7 +24,7 @@ from clips import tiny_videos
 from PIL import Image
 from scipy.io import savemat
 
-from zsmoseg.datasets.layouts import open_dataset
+from zsmoseg.datasets.fbms59 import fbms_sequence
 from zsmoseg.datasets.motion_times import read_motion_times
 from zsmoseg.datasets.point_tracks import read_tracks
 from zsmoseg.formats import open_depth, open_flow, open_masks, rle
@@ -347,8 +347,7 @@ def _volume(path: Path) -> None:
 
 
 def _fbms(folder: Path) -> None:
-    found = open_dataset(folder)
-    truth: Any = found.truth(next(iter(found.places)))
+    truth = fbms_sequence(folder)
     for index in range(len(truth.files)):
         truth.labels(index)
 

@@ -18,7 +18,7 @@ from zsmoseg.errors import FormatError
 from zsmoseg.formats.names import SIDES
 from zsmoseg.formats.npy import DAMAGED, Array, damaged, keys, load, only_key
 from zsmoseg.formats.overlaps import text
-from zsmoseg.video.bounds import TooLarge, check_size, open_image
+from zsmoseg.video.bounds import TooLarge, check_png, check_size, open_image
 
 Flow = NDArray[np.float32]
 
@@ -81,10 +81,14 @@ def _read_flo(path: Path) -> Flow:
 def _read_kitti(path: Path) -> Flow:
     try:
         with open_image(path):
-            pass
+            content = path.read_bytes()
+        check_png(content)
     except DAMAGED as error:
         raise damaged(path, error) from error
-    stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    try:
+        stored = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        stored = None
     if stored is None:
         raise FormatError(f"{path}: cannot be read; make the file anew")
     if stored.dtype != np.uint16 or stored.ndim != 3 or stored.shape[2] != 3:

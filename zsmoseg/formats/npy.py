@@ -76,8 +76,13 @@ Head = tuple[tuple[int, ...], bool, "np.dtype[Any]"]
 
 def _head(stream: IO[bytes]) -> Head:
     """Shape, whether the first index is the fastest, and type, from the head of an .npy."""
-    head = npy.read_array_header_1_0 if npy.read_magic(stream) == (1, 0) else npy.read_array_header_2_0
-    shape, fortran, dtype = head(stream)
+    try:
+        head = npy.read_array_header_1_0 if npy.read_magic(stream) == (1, 0) else npy.read_array_header_2_0
+        shape, fortran, dtype = head(stream)
+    except OSError:
+        raise
+    except Exception as error:  # it is Python's own parser that reads it, and raises what it likes
+        raise ValueError(f"its head is damaged: {error}") from error
     if min(shape, default=0) < 0:
         raise ValueError(f"states the shape {shape}")
     return shape, fortran, dtype
@@ -119,6 +124,8 @@ class Rows:
         self.path, self.key = path, key
         try:
             if path.suffix.lower() == ".npy":
+                with path.open("rb") as stream:
+                    _head(stream)
                 self._array: Array | None = np.load(path, mmap_mode="r", allow_pickle=False)
                 self.shape, self.dtype = self._array.shape, self._array.dtype
             else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +17,9 @@ SLIM, LONG = 64, 1024
 """How many times longer one side may be than the other, where it is longer than this (px)."""
 BYTES = 1 << 30
 """Of one frame in memory at once, whatever a file holds of it; of a file that is read as a whole twice that."""
+
+PNG = b"\x89PNG\r\n\x1a\n"
+"""How one begins."""
 
 warnings.filterwarnings("error", category=Image.DecompressionBombWarning)
 
@@ -54,6 +58,16 @@ def check_bytes(count: int, what: str, most: int = BYTES) -> None:
         raise TooLarge(
             f"{what} would take {count / 1e9:.1f} GB at once; at most {most / 1e9:.1f} GB are read"
         )
+
+
+def check_png(content: bytes) -> None:
+    """Raise ``ValueError`` if a chunk of a PNG states more bytes than there are: OpenCV makes room for them first."""
+    place = len(PNG)
+    while content.startswith(PNG) and place + 8 <= len(content):
+        (length,) = struct.unpack_from(">I", content, place)
+        if length > len(content) - place - 8:
+            raise ValueError(f"a chunk states {length} bytes, {len(content) - place - 8} are left")
+        place += 12 + length
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import VideoError
 from zsmoseg.video import places
-from zsmoseg.video.bounds import TooLarge, check_size, open_image
+from zsmoseg.video.bounds import PNG, TooLarge, check_png, check_size, open_image
 
 WIDTH, HEIGHT, ORIENTATION = 0x0100, 0x0101, 0x0112
 """EXIF tags."""
@@ -54,6 +54,7 @@ def pixels(file: str) -> NDArray[Any] | None:
         return None
     try:
         _check_size(content)
+        check_png(content)
         flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
         return cv2.imdecode(np.frombuffer(content, np.uint8), flags)
     except TooLarge as error:
@@ -64,7 +65,7 @@ def pixels(file: str) -> NDArray[Any] | None:
 
 def _check_size(content: bytes) -> None:
     """Raise ``TooLarge`` by the head of an image; of JPEG and PNG without Pillow, which takes longer than it needs."""
-    if content.startswith(b"\x89PNG\r\n\x1a\n") and len(content) > PNG_SIZE + 8:
+    if content.startswith(PNG) and len(content) > PNG_SIZE + 8:
         width, height = struct.unpack_from(">II", content, PNG_SIZE)
     elif content.startswith(b"\xff\xd8") and (place := _jpeg_frame(content)):
         height, width = struct.unpack_from(">HH", content, place + 5)
