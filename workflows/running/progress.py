@@ -99,6 +99,7 @@ class Lines:
         self.tally = Tally()
         self.course = Course()
         self.names: set[str] = set()
+        self.told: set[str] = set()
         self.begun = time.monotonic()
 
     def say(self, line: str = "") -> None:
@@ -109,9 +110,14 @@ class Lines:
         """The plans of the first few videos."""
         self.course.plan(plan.todo)
         self.names.add(plan.name)
-        if self.course.planned <= SHOWN:
-            for line in explain_plan([plan]):
-                self.say(line)
+        lines = explain_plan([plan]) if self.course.planned <= SHOWN else self.new_notes(plan)
+        for line in lines:
+            self.say(line)
+        self.told.update(plan.notes)
+
+    def new_notes(self, plan: VideoPlan) -> list[str]:
+        """What is to be known of a video, and was not said of another."""
+        return [f"{plan.name}: {note}" for note in plan.notes if note not in self.told]
 
     def estimated(self, guess: Estimate) -> None:
         """What all will take."""
