@@ -18,11 +18,13 @@ from zsmoseg.stores.output import SUMMARY
 from zsmoseg.stores.records import as_json, read_json
 from zsmoseg.stores.runs import DONE, Entry, entries, latest, read_run
 from zsmoseg.video.probe import Probe
-from zsmoseg.workflows.shown import as_html, as_text, counted
+from zsmoseg.workflows.object_numbers import objects, objects_of_pieces
+from zsmoseg.workflows.shown import as_html, as_text
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 from zsmoseg.workflows.stages.proposed.objects import MaskObjects, object_names
+from zsmoseg.workflows.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,13 +37,13 @@ Kind = Literal["moving", "group", "instance"]
 MEANING: dict[Kind, str] = {
     "moving": "whether the pixel moves by itself",
     "group": "motion group, 0 = static",
-    "instance": "instance that moves, 0 = static",
+    "instance": "object that moves, 0 = static",
 }
 BLOCK = 16
 """Frames that a lazy mask reads at once."""
-COLUMNS = ("object", "group", "instance", "frames", "area", "excess", "tolerance", "world")
-"""Of the table of objects."""
-READ = "masks(), moving(), objects, tree, groups, affinity, labels, categories, warnings, settings, summary"
+EVIDENCE = ("excess", "tolerance", "world")
+"""Columns of the tables of objects and of pieces."""
+READ = "masks(), moving(), objects, pieces, tree, groups, affinity, labels, categories, warnings, settings, summary"
 """What a result is asked for."""
 MOST = 20
 """Videos of a store that are named."""
@@ -81,7 +83,8 @@ class Result:
             if "groups" not in self.keys:
                 return [about, f"stopped early (--until), has {', '.join(self.keys)}: tree, artifact(stage)"]
             groups = self.groups
-            objects = counted(int((groups.area[1:] > 0).sum()), "object")
+            seen = np.unique(objects_of_pieces(groups)[groups.area > 0])
+            objects = counted(int(np.count_nonzero(seen)), "object")
             moving = counted(len(np.unique(groups.group[groups.group > 0])), "moving group")
             return [about, f"{objects}, {moving}", *(f"warning: {text}" for text in self.warnings), READ]
         except ZsmosegError as error:
@@ -116,7 +119,7 @@ class Result:
     def masks(self, kind: Kind = "moving") -> xr.DataArray:
         """Masks (frame, y, x) called ``kind``, read when used.
 
-        ``moving`` is bool; ``group`` and ``instance`` are the smallest unsigned integers that hold them, 0 = static.
+        ``moving`` is bool; ``group`` and ``instance`` (objects) are the smallest unsigned integers that hold them, 0 = static.
 
         Raises
         ------
@@ -186,16 +189,45 @@ class Result:
 
     @property
     def objects(self) -> pd.DataFrame:
-        """One row an object: object, group, instance, frames, area, excess (px), tolerance (px), world, visibility.
+        """One row an object: object, group, pieces, frames, frames_moving, area, then what is known of its main piece.
+
+        That is excess (px), tolerance (px), world and visibility: see ``pieces``. Object 0 is the background; numbers are
+        those of ``objects/``, ``motion.csv``, ``summary.json`` and exports.
+        """
+        import pandas as pd
+
+        found = list(objects(self.groups, self.labels))
+        pieces = self.pieces.set_index("piece").loc[[thing.number for thing in found]].reset_index(drop=True)
+        own = pd.DataFrame(
+            {
+                "object": [thing.number for thing in found],
+                "group": pieces["group"],
+                "pieces": [tuple(thing.pieces) for thing in found],
+                "frames": [thing.frames for thing in found],
+                "frames_moving": [thing.frames_moving for thing in found],
+                "area": [thing.area for thing in found],
+            }
+        )
+        return own.join(pieces.drop(columns=own.columns, errors="ignore"))
+
+    @property
+    def pieces(self) -> pd.DataFrame:
+        """One row a piece, as it was proposed: piece, the object that it belongs to, group, frames, area, evidence.
 
         ``world`` is the affinity with the static world, tolerance / (tolerance + excess): one half = at the tolerance.
-        Of proposed masks also ``origin``, the id in the files, and ``category`` where a network named them.
+        ``reason``: what decided (``zsmoseg.grouping.decisions``). Of proposed masks also ``origin``, the id in the files, and
+        ``category`` where a network named them.
         """
         import pandas as pd
 
         groups = self.groups
-        columns = {name: getattr(groups, name) for name in COLUMNS}
-        columns["visibility"] = self.affinity.visibilities(len(groups.group))
+        columns = {
+            "piece": groups.object,
+            "object": objects_of_pieces(groups),
+            **{name: getattr(groups, name) for name in ("group", "frames", "frames_moving", "area")},
+            **{name: getattr(groups, name) for name in (*EVIDENCE, "reason")},
+            "visibility": self.affinity.visibilities(len(groups.group)),
+        }
         if "proposals" in self.keys:
             columns["origin"] = MaskObjects.read(self.artifact("objects")).origin
             if self.categories:

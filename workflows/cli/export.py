@@ -22,7 +22,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--what",
         choices=("group", "instance", "object"),
-        help="what an id is: a group that moves (default), an instance that moves, an object, static ones too",
+        help="what an id is: a group that moves (default), an object that moves, any object; objects by the numbers of objects/",
     )
     parser.add_argument(
         "--when",
