@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 import pytest
-from coded import Change, evenly, look, numbers, write
+from coded import Change, coded, evenly, look, numbers, write
+from runs import segment
 
 from zsmoseg.errors import SettingsError, VideoError
 from zsmoseg.settings import resolve
@@ -308,3 +310,34 @@ def test_other_times_are_refused_in_words_and_no_pattern_is_shown(text: str) -> 
 def test_no_setting_shows_a_pattern() -> None:
     for name in defaults():
         assert not re.search(r"[\\^$]", str(describe(name)["allowed"])), name
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("a.h264", None),
+        ("a.mp4", always(0, 1, Fraction(1, 12_800))),
+        ("b.mp4", always(0, 100, Fraction(1))),
+        ("a.mkv", always(7)),
+    ],
+)
+def test_overlay_and_table_of_a_run_have_times_that_can_be_believed(
+    name: str, change: Change | None, tmp_path: Path
+) -> None:
+    path = write(tmp_path / name, range(6), size=(96, 64), change=change, bf="0")
+    segment(path, tmp_path)
+    with av.open(str(tmp_path / "out" / name[0] / "overlay.mp4")) as container:
+        assert container.streams.video[0].average_rate == 25
+        assert sum(1 for _ in container.decode(video=0)) == 6
+    rows = (tmp_path / "out" / name[0] / "motion.csv").read_text().splitlines()[1:]
+    assert all(float(row.split(",")[2]) == pytest.approx(0.04 * int(row.split(",")[0])) for row in rows)
+    assert "make sense: 25 a second are taken" in (tmp_path / "out" / name[0] / "summary.json").read_text()
+
+
+def test_an_overlay_of_pictures_far_apart_is_shown_in_seconds(tmp_path: Path) -> None:
+    for n in range(3):
+        (tmp_path / "shot").mkdir(exist_ok=True)
+        cv2.imwrite(str(tmp_path / "shot" / f"{n}.png"), coded(n, 96, 64))
+    segment(tmp_path / "shot", tmp_path, {"video.fps": 0.002})
+    with av.open(str(tmp_path / "out/shot/overlay.mp4")) as container:
+        assert container.streams.video[0].average_rate == Fraction(1, 10)
