@@ -118,8 +118,8 @@ def execution(options: argparse.Namespace) -> dict[str, Any]:
 def frame_options(parser: argparse.ArgumentParser) -> None:
     """Which frames are used."""
     add = parser.add_argument
-    add("--start", metavar="T", help="first frame: seconds, or 300f (video.start)")
-    add("--end", metavar="T", help="end, exclusive: seconds, or 300f (video.end)")
+    add("--start", metavar="T", help="first frame: seconds, 1:02:03.5, or 300f (video.start)")
+    add("--end", metavar="T", help="end, exclusive: seconds, 1:02:03.5, or 300f (video.end)")
     add("--every", metavar="N", help="use every n-th frame (video.every)")
     add("--allow-truncated", action="store_true", help="use what can be decoded of a damaged video")
 

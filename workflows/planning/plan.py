@@ -24,7 +24,7 @@ from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.imports.contents import check
 from zsmoseg.workflows.imports.record import Brought
 from zsmoseg.workflows.imports.settling import settle
-from zsmoseg.workflows.stage import ALL, Stage, description, working_size
+from zsmoseg.workflows.stage import ALL, Stage, description, ignored_words, working_size
 from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
 from zsmoseg.workflows.wording import counted
 
@@ -79,7 +79,8 @@ class StagePlan:
 class VideoPlan:
     """One video: the stages in order, of the graph ``graph``; ``brought`` are the cues that were imported.
 
-    ``known``: stages and keys of artifacts that are whole; ``seen``: how they are (``stores/seen.py``); ``settled``: the summary of
+    ``known``: stages and keys of artifacts that are whole; ``seen``: how they are (``stores/seen.py``); ``notes``: what its user
+    should know of the source and what is ignored of it; ``settled``: the summary of
     a video for which nothing is to be done or written.
     """
 
@@ -94,6 +95,7 @@ class VideoPlan:
     brought: Mapping[str, Brought] = field(default_factory=dict)
     known: Set[tuple[str, str]] = frozenset()
     seen: Mapping[str, str] = field(default_factory=dict)
+    notes: Sequence[str] = ()
     settled: dict[str, Any] | None = None
 
     @property
@@ -149,7 +151,7 @@ def plan_video(
     Raises
     ------
     SettingsError
-        ``start_from`` or ``until`` name no stage; sources of cues that contradict each other.
+        ``start_from`` or ``until`` name no stage; sources of cues that contradict each other; an ignore mask that does not fit.
     FormatError
         Files of an imported cue do not fit.
     OutputError
@@ -163,6 +165,7 @@ def plan_video(
             what = "no stage with these settings" if value in names() else "no such stage"
             raise SettingsError(f"{option} {value}: {what}; there are {', '.join(stages)}")
     plan = VideoPlan(source, name, video, fingerprint, probe, {}, Output(out, video), graph, brought, known)
+    plan.notes = [*probe.notes, *ignored_words(settings.ignore, probe.height, probe.width)]
     needed = _needed(stages, until)
     for stage in needed:
         plan.stages[stage.name] = _plan_stage(plan, store, stage, settings)
@@ -319,6 +322,7 @@ def explain_plan(plans: Sequence[VideoPlan]) -> list[str]:
         done = [s.stage.name for s in plan.stages.values() if not s.todo]
         frames, parts = counted(len(plan.probe.times), "frame"), counted(plan.todo, "part")
         lines.append(f"{plan.name}: {frames}, {parts} to do")
+        lines += [f"  {note}" for note in plan.notes]
         for reason, group in groupby((s for s in plan.stages.values() if s.todo), key=lambda s: s.reason):
             stages = list(group)
             names = ", ".join(s.stage.name for s in stages)

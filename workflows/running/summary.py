@@ -77,6 +77,7 @@ def _about(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
         "fingerprint": plan.fingerprint,
         "frames": len(plan.probe.times),
         "size": [plan.probe.width, plan.probe.height],
+        "notes": list(plan.notes),
         "settings": settings.flat(),
         "keys": {name: stage.key for name, stage in plan.stages.items()},
     }
