@@ -78,7 +78,7 @@ def test_status_runs_explain_and_verify_tell_what_is_there(
     assert "1 video: disc" in say(["runs", *store], capsys)[1]
     code, out, _ = say(["explain", "disc", *store], capsys)
     assert code == 0, out
-    assert "with the world, below the border of 0.50" in out
+    assert "with the world, below the border of 0.50; so it moves" in out
     assert "group 1" in out
     assert say(["verify", *store], capsys)[0] == 0
 

@@ -15,9 +15,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import dask
 import numpy as np
 import pytest
-from clusters import Cluster, cluster, job, kill, pretend, until
+from clusters import Cluster, certificate, cluster, job, kill, pretend, until
 from runs import masks, segment
 
 from zsmoseg import __version__
@@ -120,6 +121,26 @@ def test_an_adaptive_cluster_of_somebody_starts_workers_for_the_run_and_stays_op
                     executor.submit(job(part, tmp_path / "log"), [], -part)
                 assert [outcome.state for _, outcome in executor.results()] == ["done"] * 3
             assert client.status == "running"
+
+
+def test_a_cluster_behind_tls_takes_who_has_a_certificate_and_nobody_else(
+    clip: Path, tmp_path: Path, expected: np.ndarray, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = [str(path) for path in certificate(tmp_path)]
+    names = ["--tls-ca-file", "--tls-cert", "--tls-key"]
+    words = [word for pair in zip(names, [paths[0], *paths], strict=True) for word in pair]
+    mine = {"ca-file": paths[0], "client": {"cert": paths[0], "key": paths[1]}}
+    run_it = ["run", str(clip), "-o", str(tmp_path / "out"), "--set", "chunk.length=4", "--scheduler"]
+    with cluster(tmp_path / "tls", 1, "--protocol", "tls", *words) as made:
+        address = json.loads(made.file.read_text())["address"]
+        assert address.startswith("tls://")
+        with dask.config.set({"distributed.comm.tls": mine}):
+            assert main([*run_it, str(made.file)]) == 0
+        np.testing.assert_array_equal(masks(tmp_path / "out" / "disc"), expected)
+        capsys.readouterr()
+        assert main([*run_it, address, "--from", "groups"]) == 2
+        (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("zsmoseg:")]
+        assert f"--scheduler {address}: no Dask scheduler answers there" in line
 
 
 @pytest.mark.usefixtures("pretending")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -235,5 +234,11 @@ def _thread_pools() -> Any:
 
 def peak_memory_mb() -> float:
     """Largest resident size of this process so far."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)
+    try:
+        from resource import RUSAGE_SELF, getrusage
+    except ImportError:  # Windows
+        import psutil
+
+        told = psutil.Process().memory_info()
+        return round(float(getattr(told, "peak_wset", told.rss)) / 2**20, 1)
+    return round(getrusage(RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10), 1)
