@@ -131,7 +131,9 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
         "warnings": record.facts["warnings"],
         "evidence": evidence,
         "stages": {
-            name: _cost(plan, name) for name, stage in plan.stages.items() if stage.artifact is not None
+            name: _cost(plan, name)
+            for name, stage in plan.stages.items()
+            if stage.artifact is not None and not plan.lacks(stage)
         },
     }
 
