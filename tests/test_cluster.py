@@ -15,10 +15,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import av
+import cv2
+import dask
 import numpy as np
 import pytest
-from clusters import Cluster, cluster, job, kill, pretend, until
-from runs import masks, segment
+from clusters import Cluster, certificate, cluster, job, kill, pretend, until
+from conftest import draw_clip
+from runs import data_bytes, masks, segment
 
 from zsmoseg import __version__
 from zsmoseg.errors import ClusterError
@@ -55,6 +59,15 @@ def empty(idle: Cluster) -> Iterator[Cluster]:
 @pytest.fixture
 def pretending(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "run_job", pretend)
+
+
+@pytest.fixture
+def patience(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The seconds that Dask waits: many, as workers may start slowly, until a test has what it wants to lose."""
+    limit = [60.0]
+    short = property(lambda _: limit[0], lambda _, given: None)
+    monkeypatch.setattr(Dask, "_patience", short, raising=False)
+    return limit
 
 
 def tries(log: Path) -> list[int]:
@@ -113,20 +126,70 @@ def test_an_adaptive_cluster_of_somebody_starts_workers_for_the_run_and_stays_op
             assert client.status == "running"
 
 
+def test_a_cluster_behind_tls_takes_who_has_a_certificate_and_nobody_else(
+    clip: Path, tmp_path: Path, expected: np.ndarray, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = [str(path) for path in certificate(tmp_path)]
+    names = ["--tls-ca-file", "--tls-cert", "--tls-key"]
+    words = [word for pair in zip(names, [paths[0], *paths], strict=True) for word in pair]
+    mine = {"ca-file": paths[0], "client": {"cert": paths[0], "key": paths[1]}}
+    run_it = ["run", str(clip), "-o", str(tmp_path / "out"), "--set", "chunk.length=4", "--scheduler"]
+    with cluster(tmp_path / "tls", 1, "--protocol", "tls", *words) as made:
+        address = json.loads(made.file.read_text())["address"]
+        assert address.startswith("tls://")
+        with dask.config.set({"distributed.comm.tls": mine}):
+            assert main([*run_it, str(made.file)]) == 0
+        np.testing.assert_array_equal(masks(tmp_path / "out" / "disc"), expected)
+        capsys.readouterr()
+        assert main([*run_it, address, "--from", "groups"]) == 2
+        (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("zsmoseg:")]
+        assert f"--scheduler {address}: no Dask scheduler answers there" in line
+
+
+@pytest.mark.parametrize(("threads", "processes"), [(2, True), (4, True), (4, False)])
+def test_threads_of_a_worker_share_no_decoder_and_leave_the_same_bytes(
+    threads: int, processes: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What ``dask worker`` and ``Client()`` start: tasks side by side in one process, or in that of the caller."""
+    from distributed import Client, LocalCluster
+
+    monkeypatch.setattr("zsmoseg.workflows.running.run.SMALL", 0.0)
+    monkeypatch.setattr(driving, "TINY", 0.0)  # a task a part
+    clip = tmp_path / "disc.mp4"
+    with av.open(str(clip), "w") as out:
+        stream = out.add_stream("libx264", 25)
+        stream.width, stream.height, stream.pix_fmt, stream.options = 128, 96, "yuv420p", {"g": "30"}
+        for image in draw_clip(0, 24, 96, 128)[0]:
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(image, "bgr24")))
+        out.mux(stream.encode())
+    segment(clip, tmp_path / "alone")
+    place: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "worker_dashboard_address": "127.0.0.1:0"}
+    before = cv2.getNumThreads()
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=threads, processes=processes, **place) as theirs,
+        Client(theirs) as client,
+    ):
+        segment(clip, tmp_path / "beside", scheduler=client)
+    assert cv2.getNumThreads() == before
+    assert data_bytes(tmp_path / "beside") == data_bytes(tmp_path / "alone")
+
+
 @pytest.mark.usefixtures("pretending")
 def test_a_job_that_needs_a_gpu_does_not_wait_for_ever_for_one_that_is_gone(
-    empty: Cluster, tmp_path: Path
+    empty: Cluster, tmp_path: Path, patience: list[float]
 ) -> None:
-    empty.worker("--resources", "GPU=1")
-    executor = Dask(str(empty.file), patience=BRIEF)
+    with_gpu = empty.worker("--resources", "GPU=1")
+    empty.worker()
+    executor = Dask(str(empty.file))
 
     def all_of_it() -> None:
         with executor:
             executor.submit(job(0, tmp_path / "log", 60.0, network=True), [], 0)
             executor.submit(job(1, tmp_path / "other", network=False), [job(0, tmp_path).name], 0)
             until(lambda: tries(tmp_path / "log") == [0])
-            empty.kill_workers()
-            empty.worker()
+            until(lambda: len(executor._client.scheduler_info()["workers"]) == 2)
+            patience[0] = BRIEF
+            kill(with_gpu)
             list(executor.results())
 
     with pytest.raises(ClusterError, match="with a GPU"):
@@ -137,18 +200,20 @@ def test_a_job_that_needs_a_gpu_does_not_wait_for_ever_for_one_that_is_gone(
 @pytest.mark.usefixtures("pretending")
 @pytest.mark.parametrize("again", [True, False])
 def test_a_result_that_died_with_its_worker_is_made_again_or_given_up(
-    again: bool, empty: Cluster, tmp_path: Path
+    again: bool, empty: Cluster, tmp_path: Path, patience: list[float]
 ) -> None:
     empty.worker()
     log = tmp_path / "log"
 
     def all_of_it() -> list[tuple[str, Outcome]]:
-        with Dask(str(empty.file), patience=60 if again else BRIEF) as executor:
+        with Dask(str(empty.file)) as executor:
             executor.submit(job(0, log), [], 0)
             until(lambda: executor._futures[job(0, log).name].status == "finished")
             empty.kill_workers()
             if again:
                 empty.worker()
+            else:
+                patience[0] = BRIEF
             return list(executor.results())
 
     if again:
@@ -163,7 +228,7 @@ def test_a_result_that_died_with_its_worker_is_made_again_or_given_up(
 @pytest.mark.usefixtures("pretending")
 @pytest.mark.parametrize("wakes", [True, False])
 def test_a_scheduler_that_does_not_answer_is_waited_for_and_then_given_up(
-    wakes: bool, empty: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    wakes: bool, empty: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, patience: list[float]
 ) -> None:
     monkeypatch.setattr(module, "CLOSING", 0.2)
     empty.worker()
@@ -176,9 +241,10 @@ def test_a_scheduler_that_does_not_answer_is_waited_for_and_then_given_up(
 
     def all_of_it() -> list[tuple[str, Outcome]]:
         monkeypatch.setattr(module, "CONNECT", 10.0)
-        with Dask(str(empty.file), patience=60 if wakes else BRIEF, say=note) as executor:
+        with Dask(str(empty.file), say=note) as executor:
             executor.submit(job(0, tmp_path / "log", 0.5), [], 0)
             until(lambda: tries(tmp_path / "log") == [0])
+            patience[0] = 60 if wakes else BRIEF
             monkeypatch.setattr(module, "CONNECT", 1.0)
             said.clear()
             empty.scheduler.send_signal(signal.SIGSTOP)
@@ -217,17 +283,28 @@ def expected(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> np.ndarray
 
 @pytest.mark.parametrize("who", ["workers", "scheduler"])
 def test_a_run_whose_cluster_is_killed_says_so_and_a_second_run_goes_on(
-    who: str, clip: Path, tmp_path: Path, expected: np.ndarray, monkeypatch: pytest.MonkeyPatch
+    who: str,
+    clip: Path,
+    tmp_path: Path,
+    expected: np.ndarray,
+    monkeypatch: pytest.MonkeyPatch,
+    patience: list[float],
 ) -> None:
     monkeypatch.setattr(driving, "TINY", 0.0)  # a task a part
     settings = resolve(overrides={"chunk.length": 4})
 
     def go(made: Cluster, watcher: After) -> Report:
         out, store = tmp_path / "out", tmp_path / "store"
-        return run(Request([str(clip)], out, store, settings, str(made.file), patience=BRIEF), watcher)
+        return run(Request([str(clip)], out, store, settings, str(made.file)), watcher)
 
     with cluster(tmp_path / who) as made:
-        report = go(made, After(made.kill_workers if who == "workers" else lambda: kill(made.scheduler)))
+
+        def harm() -> None:
+            patience[0] = BRIEF
+            made.kill_workers() if who == "workers" else kill(made.scheduler)
+
+        report = go(made, After(harm))
+    patience[0] = 60.0
     assert report.failures["disc"].startswith("not finished: ")
     assert "run the same command again" in report.failures["disc"]
     record = json.loads((tmp_path / "store" / "runs" / f"{report.run}.json").read_text())

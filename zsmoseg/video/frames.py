@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +12,11 @@ from zsmoseg.video.decoding import decoder
 from zsmoseg.video.pixels import pixels, unreadable
 from zsmoseg.video.probe import Probe
 
-TO_8_BIT = 257
-"""A 16-bit value over its 8-bit one: 65535 is 255."""
-
 
 def read(probe: Probe, start: int, stop: int) -> Iterator[NDArray[np.uint8]]:
     """Frames ``start`` to ``stop - 1`` of the used ones: (H, W, 3) blue green red, 8 bit, as displayed.
 
-    16-bit images are divided by 257 (65535 becomes 255), grey is repeated, alpha is dropped.
+    Of 16-bit images the largest value that their bits can hold becomes 255; grey is repeated, alpha is dropped.
 
     Raises
     ------
@@ -31,7 +27,7 @@ def read(probe: Probe, start: int, stop: int) -> Iterator[NDArray[np.uint8]]:
         for file in probe.files[start:stop]:
             yield _read_image(file, probe)
         return
-    images = decoder(probe.source, probe.keys).frames(probe.pts[start:stop])
+    images = decoder(probe.source, probe.way).frames(probe.pts[start:stop])
     for number in range(start, stop):
         index = probe.indices[number] if probe.indices else int(probe.names[number])
         try:
@@ -42,7 +38,10 @@ def read(probe: Probe, start: int, stop: int) -> Iterator[NDArray[np.uint8]]:
                 f"--end {index}f stops before it"
             ) from error
         if image.shape[:2] != (probe.height, probe.width):
-            raise _other_size(f"{probe.source}: frame {index}", image, probe)
+            raise VideoError(
+                f"{probe.source}: its size changes at frame {index} ({probe.times[number]:.2f} s) from {probe.width} x "
+                f"{probe.height} to {image.shape[1]} x {image.shape[0]}; --end {index}f stops before it"
+            )
         yield image
 
 
@@ -53,16 +52,11 @@ def _read_image(file: str, probe: Probe) -> NDArray[np.uint8]:
     if image.dtype not in (np.uint8, np.uint16):
         raise unreadable(file, f"has {image.dtype} pixels, expected 8 or 16 bit")
     if image.shape[:2] != (probe.height, probe.width):
-        raise _other_size(file, image, probe)
-    return (
-        image
-        if image.dtype == np.uint8
-        else ((image.astype(np.uint32) + TO_8_BIT // 2) // TO_8_BIT).astype(np.uint8)
-    )
-
-
-def _other_size(what: str, image: NDArray[Any], probe: Probe) -> VideoError:
-    return VideoError(
-        f"{what}: is {image.shape[1]} x {image.shape[0]}, expected {probe.width} x {probe.height}; "
-        "all frames of a video must have one size"
-    )
+        raise VideoError(
+            f"{file}: is {image.shape[1]} x {image.shape[0]}, expected {probe.width} x {probe.height}; "
+            "all frames of a video must have one size"
+        )
+    if image.dtype == np.uint8:
+        return image
+    largest = (1 << probe.bits) - 1
+    return np.minimum((image.astype(np.uint32) * 255 + largest // 2) // largest, 255).astype(np.uint8)

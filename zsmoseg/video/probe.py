@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import re
+import unicodedata
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from zsmoseg.errors import VideoError
 from zsmoseg.video import places
+from zsmoseg.video.decoding import Way
 from zsmoseg.video.index import index
-from zsmoseg.video.pixels import image_size
+from zsmoseg.video.pixels import BITS, image_size, value_bits
 from zsmoseg.video.sources import image_files
 
 EARLY = 1e-9
@@ -43,9 +49,9 @@ class Probe:
     files: tuple[str, ...]
     """One a frame for images; empty for a video file."""
     pts: tuple[int, ...]
-    """Presentation times in the file's units; empty for images."""
-    keys: tuple[int, ...]
-    """Presentation times of the key frames of the file."""
+    """Presentation times as ``way`` takes them; empty for images."""
+    way: Way
+    """How the frames of a video file are found."""
     names: tuple[str, ...]
     """Of the files written for each frame."""
     times: tuple[float, ...]
@@ -57,6 +63,10 @@ class Probe:
     """Of the used frames among all frames of the source."""
     total: int = 0
     """Frames of the source, used or not."""
+    bits: int = 16
+    """That count of the values of images with 16."""
+    notes: tuple[str, ...] = ()
+    """What its user should know of it."""
 
     def to_json(self) -> dict[str, Any]:
         """As JSON."""
@@ -65,8 +75,11 @@ class Probe:
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Probe:
         """From JSON."""
-        lists = {name: tuple(value) for name, value in content.items() if isinstance(value, list)}
-        return cls(**{**content, **lists})
+        return cls(**{**_tuples(content), "way": Way(**_tuples(content["way"]))})
+
+
+def _tuples(content: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in content.items()}
 
 
 def probe(source: str, excerpt: Excerpt) -> Probe:
@@ -93,7 +106,7 @@ def probe(source: str, excerpt: Excerpt) -> Probe:
     if places.is_folder(source):
         raise VideoError(f"{source}: holds no frames; give a folder of images (jpg, png, tif, bmp, webp)")
     if not places.is_file(source):
-        raise VideoError(f"{source}: no such file or folder")
+        raise places.nothing_there(source)
     return _probe_file(source, excerpt)
 
 
@@ -107,40 +120,73 @@ def _probe_images(source: str, files: list[str], excerpt: Excerpt) -> Probe:
                 f"{file}: is {size[0]} x {size[1]}, {os.path.basename(chosen[0])} is {sizes[0][0]} x {sizes[0][1]}; "
                 "all frames of a folder must have one size"
             )
-    stems = [os.path.splitext(os.path.basename(f))[0] for f in chosen]
-    names = stems if len(set(stems)) == len(stems) else [f"{i:05d}" for i in used]
-    times = tuple(i / excerpt.fps for i in used)
-    where = places.absolute(source)
+    _refuse_twins(chosen)
+    bits, largest = value_bits(chosen)
+    said = f"its images of 16 bits hold values up to {largest}: taken as {bits} bits"
     return Probe(
-        where, tuple(chosen), (), (), tuple(names), times, *sizes[0], indices=tuple(used), total=len(files)
+        places.absolute(source),
+        tuple(chosen),
+        (),
+        Way(),
+        tuple(Path(f).stem for f in chosen),
+        tuple(i / excerpt.fps for i in used),
+        *sizes[0],
+        indices=tuple(used),
+        total=len(files),
+        bits=bits,
+        notes=(said,) if bits < BITS[-1] else (),
+    )
+
+
+def _refuse_twins(files: Sequence[str]) -> None:
+    """Raise where one frame seems to be there twice: as another kind of file, or as two kinds of names that count alike."""
+    seen: dict[str, str] = {}
+    counted: dict[str, dict[tuple[str, ...], str]] = defaultdict(dict)
+    for path in files:
+        stem = unicodedata.normalize("NFC", Path(path).stem)
+        if stem in seen:
+            raise _twice(seen[stem], path)
+        seen[stem] = path
+        counted[re.sub(r"\d+", "#", stem)][tuple(re.findall(r"\d+", stem))] = path
+    for one, other in combinations((names for names in counted.values() if len(names) > 1), 2):
+        both = [number for number in one if number in other]
+        if len(both) > 1:
+            raise _twice(one[both[0]], other[both[0]])
+
+
+def _twice(one: str, other: str) -> VideoError:
+    names = os.path.basename(one), os.path.basename(other)
+    return VideoError(
+        f"{one}: {names[0]} and {names[1]} seem to be one frame, or a frame and its mask; take one kind of them out, or "
+        "give a glob of the frames in quotes"
     )
 
 
 def _probe_file(source: str, excerpt: Excerpt) -> Probe:
     found = index(source, thorough=excerpt.allow_truncated)
-    if found.decodable < found.promised and not excerpt.allow_truncated:
+    if not found.whole and not excerpt.allow_truncated:
         raise VideoError(
-            f"{source}: is damaged or cut off: frames 0 to {found.decodable - 1} of {found.promised} can be decoded, "
+            f"{source}: is damaged or cut off: frames 0 to {found.decodable - 1} can be decoded, "
             f"frame {found.decodable} cannot; --allow-truncated goes on with those"
         )
-    pts = found.pts[: found.decodable]
-    times = [(p - pts[0]) * found.time_base for p in pts]
+    pts, times = found.pts[: found.decodable], found.seconds[: found.decodable]
     used = _used(times, source, excerpt)
     return Probe(
         places.absolute(source),
         (),
         tuple(pts[i] for i in used),
-        found.keys,
+        found.way,
         tuple(f"{i:05d}" for i in used),
         tuple(times[i] for i in used),
         found.width,
         found.height,
         indices=tuple(used),
         total=len(times),
+        notes=found.notes,
     )
 
 
-def _used(times: list[float], source: str, excerpt: Excerpt) -> range:
+def _used(times: Sequence[float], source: str, excerpt: Excerpt) -> range:
     """The frames between start and end, every n-th."""
     if len(times) < 2:
         raise VideoError(f"{source}: has {len(times)} frame; motion needs two at least")
@@ -163,7 +209,7 @@ def _used(times: list[float], source: str, excerpt: Excerpt) -> range:
     return used
 
 
-def _frame_at(text: str, times: list[float]) -> int:
+def _frame_at(text: str, times: Sequence[float]) -> int:
     """The frame that ``300f`` or ``12.5`` means: the first at or after that time."""
     if text.endswith("f"):
         return int(text[:-1])
