@@ -19,6 +19,7 @@ from zsmoseg.stores.runs import DONE, entries, latest
 from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import run
+from zsmoseg.workflows.running.summary import MEASURED
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
@@ -142,16 +143,21 @@ class Result:
 
     @property
     def objects(self) -> pd.DataFrame:
-        """One row an object: object, group, instance, frames, area, excess (px), tolerance (px), world, visibility.
+        """One row an object: object, group, instance, frames, area, excess (px), tolerance (px), world, and the evidence.
 
         ``world`` is the affinity with the static world, tolerance / (tolerance + excess): one half = at the tolerance.
+        The evidence: visibility; geometry, whether it obeys that of the static world, or why that is not known; what was
+        measured of it: front, error, parallax, foot; counts, whether its evidence counts beside what obeys.
         Of proposed masks also ``origin``, the id in the files, and ``category`` where a network named them.
         """
         import pandas as pd
 
         groups = self.groups
         columns = {name: getattr(groups, name) for name in COLUMNS}
-        columns["visibility"] = self.affinity.visibilities(len(groups.group))
+        affinity, count = self.affinity, len(groups.group)
+        columns |= {name: affinity.by_object(name, count) for name in MEASURED}
+        columns["geometry"] = np.array(affinity.geometries(count))
+        columns["counts"] = affinity.by_object("counts", count)
         if "proposals" in self.keys:
             columns["origin"] = MaskObjects.read(self.artifact("objects")).origin
             if self.categories:

@@ -114,19 +114,40 @@ def sentence(row: dict[str, Any], frames_moving: int, rule: str, visible: float)
         if row["group"]
         else "static"
     )
-    if not isfinite(row["world"]):
+    if row["geometry"] == "obeys":
+        evidence = (
+            f"it stands on the ground beside it: {_measured(row)}: affinity {row['world']:.2f} with the world"
+        )
+    elif not isfinite(row["world"]):
         evidence = (
             f"the static world's motion explains its image as well as its own flow does (error ratio "
             f"{row['visibility']:.2f}, needed {visible:.2f})"
             if row["visibility"] < visible
             else "no pair of frames shows it against the static world"
+            if row["counts"]
+            else "beside what stands on the ground it counts for nothing"
         )
     else:
         evidence = (
             f"one motion for it and the static world costs {row['excess']:.3f} px more than one each, "
             f"{row['tolerance']:.3f} px are tolerated: affinity {row['world']:.2f} with the world, the border is 0.50"
         )
-    return f"{seen}; {evidence}; {_why(row, rule)}{answer}"
+    return f"{seen}; {evidence}; {_geometry(row)}{_why(row, rule)}{answer}"
+
+
+def _geometry(row: dict[str, Any]) -> str:
+    """What the geometry of the static world says of an object that does not obey it."""
+    if row["geometry"] in ("not asked", "obeys"):
+        return ""
+    if row["geometry"] == "breaks":
+        return f"it does not stand on the ground beside it: {_measured(row)}; "
+    return f"whether it stands on the ground beside it is not known: {row['geometry']}; "
+
+
+def _measured(row: dict[str, Any]) -> str:
+    """What was measured of its geometry."""
+    found = ((name, row[name]) for name in ("front", "error", "parallax", "foot"))
+    return ", ".join(f"{name} {value:.2f}" if isfinite(value) else f"{name} unknown" for name, value in found)
 
 
 def _why(row: dict[str, Any], rule: str) -> str:

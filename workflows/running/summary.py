@@ -23,6 +23,8 @@ from zsmoseg.workflows.stages.motion.groups import Groups
 from zsmoseg.workflows.stages.proposed.objects import object_names
 
 T = TypeVar("T", bound=Arrays)
+MEASURED = ("visibility", "front", "error", "parallax", "foot")
+"""Of the evidence for each object, as the stage ``affinity`` left it."""
 
 
 def settled(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
@@ -119,7 +121,9 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     group, area = found.group, found.area
     described = plan.stages["objects"].artifact
     names = object_names(described) if described is not None and "detections" in plan.stages else []
-    visibility = _read(plan, "affinity", Affinity).visibilities(len(group))
+    affinity = _read(plan, "affinity", Affinity)
+    measured = {name: affinity.by_object(name, len(group)) for name in MEASURED}
+    geometry = affinity.geometries(len(group))
     return {
         **_about(plan, settings),
         "objects": int((area[1:] > 0).sum()),
@@ -139,7 +143,8 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
                 "excess_px": _known(found.excess[n]),
                 "tolerance_px": _known(found.tolerance[n]),
                 "affinity_with_world": _known(found.world[n]),
-                "visibility": _known(visibility[n]),
+                "geometry": geometry[n],
+                **{name: _known(values[n]) for name, values in measured.items()},
             }
             for n in np.flatnonzero(area > 0)
             if n > 0

@@ -7,6 +7,7 @@ import numpy as np
 
 from zsmoseg.synthetic.bodies import Body, moving_bodies, still_body, surroundings, travel
 from zsmoseg.synthetic.contrast import Played, contrast_of
+from zsmoseg.synthetic.near_things import near_things
 from zsmoseg.synthetic.render import draw, exact_flow, lens
 from zsmoseg.synthetic.scene import Camera, Scene
 
@@ -23,6 +24,7 @@ def video_scene(
     shape: tuple[int, int] = (480, 854),
     speed: float = 1.0,
     exact: bool = True,
+    n_near: int = 0,
 ) -> Scene:
     """A rendered shot: textured bodies before a wall and a ground, finite motions, exact truth.
 
@@ -40,31 +42,35 @@ def video_scene(
     shape : height and width, px.
     speed : of the movers.
     exact : false leaves flow and contrast out (zeros).
+    n_near : static things near the camera that stand on the ground: poles, walls, boxes.
     """
     rng = np.random.default_rng(seed)
     world = travel(rng, camera, n_frames)
     bodies = [
         *surroundings(rng, world),
         *[still_body(rng, world) for _ in range(n_objects)],
+        *near_things(rng, world, n_near),
         *moving_bodies(rng, world, n_movers, shape[0] / shape[1], speed),
     ]
     return _rendered(bodies, n_frames, shape, camera, exact)
 
 
 def _rendered(bodies: list[Body], count: int, shape: tuple[int, int], camera: Camera, exact: bool) -> Scene:
-    """The scene of some bodies; the first two are the surroundings."""
+    """The scene of some bodies; the first is the background."""
+    whole = [body for body in bodies if not body.part]
+    number = np.cumsum([not body.part for body in bodies]) - 1
     glass, (height, width) = lens(shape), shape
     frames = np.zeros((count, height, width, 3), np.uint8)
     labels = np.zeros((count, height, width), np.uint16)
     inverse = np.zeros((count, height, width), np.float32)
     flow = np.zeros((count - 1, 2, height, width), np.float32)
     for t in range(count):
-        for k, body in enumerate(bodies):
-            draw(body, glass, t, max(k - 1, 0), frames[t], labels[t], inverse[t])
+        for k, body in zip(number.tolist(), bodies, strict=True):
+            draw(body, glass, t, k, frames[t], labels[t], inverse[t])
         frames[t] = cv2.GaussianBlur(frames[t], (0, 0), SOFT)
         if exact and t + 1 < count:
-            flow[t] = exact_flow(bodies, glass, t, labels[t], inverse[t])
-    group = np.array([0, *(body.group for body in bodies[2:])], np.int64)
+            flow[t] = exact_flow(whole, glass, t, labels[t], inverse[t])
+    group = np.array([body.group for body in whole], np.int64)
     moving = np.tile(group > 0, (count - 1, 1))
     contrast = np.zeros(len(group))
     if exact:
