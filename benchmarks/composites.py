@@ -1,10 +1,10 @@
 """Two movers in one real video: the object of one sequence pasted into another, drifting.
 
-    python benchmarks/composites.py make DAVIS OUT
+    python benchmarks/composites.py make DAVIS OUT [STEP]
     zsmoseg run OUT/JPEGImages/480p -o MASKS [--proposals OUT/Annotations/480p]
     python benchmarks/composites.py score MASKS OUT/Annotations/480p
 
-Every sequence of the ten is the host of the one after it. The guest keeps its own frames and its way through the
+Every sequence of the ten is the host of the one STEP after it, 1 by default. The guest keeps its own frames and its way through the
 image, on the side away from the host's object, and drifts by 3 px a frame besides. Truth: 1 = host, 2 = guest.
 A composite counts if each of the two has most of its found pixels in a moving group, two different ones, which
 cover a third of its pixels or more.
@@ -76,28 +76,28 @@ def paste(davis: Path, host: str, guest: str, out: Path) -> None:
 
 
 def overlap(masks: Path, truth: Path) -> np.ndarray:
-    """(3, groups + 1) pixels of the background, host and guest by painted group."""
-    table = np.zeros((3, 256), np.int64)
+    """(movers + 1, groups + 1) pixels of the background, then of every mover, by painted group."""
+    table = np.zeros((256, 256), np.int64)
     for file in sorted(truth.iterdir()):
         a, b = (np.asarray(Image.open(p)).astype(np.int64) for p in (file, masks / file.name))
-        table += np.bincount((a * 256 + b).ravel(), minlength=768).reshape(3, 256)
-    return table[:, : int(np.flatnonzero(table.any(0))[-1]) + 1]
+        table += np.bincount((a * 256 + b).ravel(), minlength=256**2).reshape(256, 256)
+    rows, columns = (int(np.flatnonzero(table.any(axis))[-1]) + 1 for axis in (1, 0))
+    return table[:rows, :columns]
 
 
 def verdict(table: np.ndarray) -> tuple[bool, list[float], list[int]]:
-    """Whether both move, apart; the share of each that moves; the group that holds most of each."""
-    if table.shape[1] == 1:
-        return False, [0.0, 0.0], [0, 0]
+    """Whether all movers move, apart; the share of each that moves; the group that holds most of each."""
     share = [float(row[1:].sum() / row.sum()) for row in table[1:]]
     group = [int(row[1:].argmax()) + 1 if row[1:].any() else 0 for row in table[1:]]
     covered = [row[g] / row.sum() >= COVERED for row, g in zip(table[1:], group, strict=True)]
-    return all(covered) and group[0] != group[1] and 0 not in group, share, group
+    return all(covered) and len(set(group)) == len(group) and 0 not in group, share, group
 
 
 def main() -> None:
     """Make the composites, or score masks of them."""
     if sys.argv[1] == "make":
-        for host, guest in zip(TEN, [*TEN[1:], TEN[0]], strict=True):
+        step = int(sys.argv[4]) if len(sys.argv) > 4 else 1
+        for host, guest in zip(TEN, [*TEN[step:], *TEN[:step]], strict=True):
             paste(Path(sys.argv[2]), host, guest, Path(sys.argv[3]))
         return
     masks, truth = Path(sys.argv[2]), Path(sys.argv[3])

@@ -28,20 +28,20 @@ def mask(path: Path) -> np.ndarray:
 
 
 def score(out: Path, truth: Path) -> list[float]:
-    """J, Pu, Ru, Fu, groups and moving instances of one sequence."""
+    """J, Pu, Ru, Fu, groups and moving objects of one sequence."""
     pairs = [(mask(p), mask(out / "masks" / p.name)) for p in sorted(truth.glob("*.png"))]
     j = 100 * float(np.mean([region_j(t, p) for t, p in pairs[1:-1]]))
     scores = track_scores((t.astype(int), p.astype(int)) for t, p in pairs)
     summary = json.loads((out / "summary.json").read_text())
-    instances = {e["instance"] for e in summary["evidence"]} - {0}
-    return [j, scores.pu, scores.ru, scores.fu, summary["groups"], len(instances)]
+    objects = {e["object"] for e in summary["evidence"] if e["group"]}
+    return [j, scores.pu, scores.ru, scores.fu, summary["groups"], len(objects)]
 
 
 def main() -> None:
     """Print the table."""
     out, annotations = Path(sys.argv[1]), Path(sys.argv[2])
     rows = {p.name: score(out / p.name, p) for p in sorted(annotations.iterdir()) if (out / p.name).is_dir()}
-    print(f"{'sequence':<20} {'J':>6} {'Pu':>6} {'Ru':>6} {'Fu':>6} groups instances")
+    print(f"{'sequence':<20} {'J':>6} {'Pu':>6} {'Ru':>6} {'Fu':>6} groups objects")
     for name, row in rows.items():
         print(f"{name:<20} " + " ".join(f"{v:6.1f}" for v in row[:4]) + f" {row[4]:6d} {row[5]:6d}")
     subsets = {"mean": list(rows), "mean without " + " ".join(PAIR): [n for n in rows if n not in PAIR]}

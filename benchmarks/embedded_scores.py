@@ -143,9 +143,9 @@ def masks(clip: Clip, p: Parameters) -> tuple[np.ndarray, list[float], int]:
     with clock("paint"):
         painted = [
             upsampling.paint(frame, segment, ids, clip.shape, p.edges)
-            for frame, segment, (_, ids, _) in zip(clip.frames, clip.segments, found, strict=True)
+            for frame, segment, (_, ids, *_) in zip(clip.frames, clip.segments, found, strict=True)
         ]
-    return np.stack(painted), [score for *_, score in found], max(int(ids.max()) for _, ids, _ in found)
+    return np.stack(painted), [score for *_, score in found], max(int(ids.max()) for _, ids, *_ in found)
 
 
 def truth_of(folder: Path) -> np.ndarray:

@@ -183,6 +183,9 @@ class Batch:
         """What was finished before must be there as it was."""
         now = stamps(self.store)
         wrong = undone(self.done, now)
+        if wrong:  # or one was sealed while its folder was listed: what is gone stays gone
+            now = stamps(self.store)
+            wrong = undone(self.done, now)
         if wrong:
             self.tally.fail(
                 self.name,

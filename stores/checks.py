@@ -69,6 +69,11 @@ def wrong_sizes(
     return found
 
 
+def last_record(artifact: Artifact) -> PurePath:
+    """Where the record is that says that the whole is done."""
+    return _record(artifact, DONE)
+
+
 def _record(artifact: Artifact, name: str) -> PurePath:
     return artifact.path / RECORDS / f"{name}.json"
 

@@ -94,7 +94,7 @@ class RunRecord:
 
     def note(self, entry: Entry) -> None:
         """Note how a video stands."""
-        write_record(_entry_path(self.store, entry), asdict(entry))
+        write_entry(self.store, entry)
 
     def end(self, outcome: str, failures: Mapping[str, str], traces: Mapping[str, str]) -> None:
         """Note how the run ended; ``failures``, ``traces``: of videos that have no record of their own."""
@@ -160,6 +160,11 @@ def forget_run(store: Store, run: str) -> None:
 # ---------------------------------------------------------------------- videos of runs
 def _entry_path(store: Store, entry: Entry) -> PurePath:
     return files.below(store.video(entry.video).path, f"{RUNS}/{entry.run}-{_digest(entry.name)}.json")
+
+
+def write_entry(store: Store, entry: Entry) -> None:
+    """Write the record of a video in a run, over that which is there."""
+    write_record(_entry_path(store, entry), asdict(entry))
 
 
 def _digest(name: str) -> str:

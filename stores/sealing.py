@@ -17,9 +17,10 @@ from zsmoseg.stores import files, joining
 from zsmoseg.stores.arrays import Arrays, join, labels_of
 from zsmoseg.stores.artifact import AGAIN, DONE, Artifact, chunk_name, part_name
 from zsmoseg.stores.beginning import array_metadata
-from zsmoseg.stores.checks import part_problem
+from zsmoseg.stores.checks import joined_problem, part_problem
 from zsmoseg.stores.fields import IDS_OF, TIMES, tables_of
 from zsmoseg.stores.inside import Folder
+from zsmoseg.stores.leases import lease
 from zsmoseg.stores.packing import group_bytes, json_bytes, metadata, pack, pack_text, pieces
 from zsmoseg.stores.reader import blocks
 
@@ -27,6 +28,14 @@ Array = np.ndarray[Any, Any]
 LARGEST, LONGEST = 2**26, 2**30
 """Bytes of a table up to which it is joined, gathered in memory and row by row: over all objects of a long video the cost
 of one another grows with the cube of its length. Stages read blocks and need none joined."""
+
+
+def seal_once(artifact: Artifact, kind: type[Arrays], times: Sequence[float], names: Sequence[str]) -> None:
+    """As ``seal``, by whoever comes first; nothing where it was sealed already."""
+    if joined_problem(artifact):
+        with lease(artifact.lease_path("seal")):
+            if joined_problem(artifact):
+                seal(artifact, kind, times, names)
 
 
 def seal(

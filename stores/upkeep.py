@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence, Set
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
-from zsmoseg.stores.checks import Damage, check
+from zsmoseg.stores.checks import Damage, check, last_record
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.output import known_outputs
-from zsmoseg.stores.records import ARCHIVE, DESCRIPTION, read_json, read_record
-from zsmoseg.stores.runs import entry_paths, forget_run, read_entry, read_run, run_ids, run_of, run_path
+from zsmoseg.stores.records import ARCHIVE, DESCRIPTION, PROBES, read_json, read_record
+from zsmoseg.stores.runs import (
+    Entry,
+    entry_paths,
+    forget_run,
+    read_entry,
+    read_run,
+    run_ids,
+    run_of,
+    run_path,
+    write_entry,
+)
+
+Place = tuple[str, ...]
+"""(video,) or (video, stage, key)."""
 
 
 @dataclass(frozen=True)
@@ -23,18 +36,26 @@ class Garbage:
     size: int
 
 
-def garbage(store: Store, forget: Sequence[str] = ()) -> Garbage:
+def garbage(store: Store, forget: Sequence[str] = (), keep: Set[Place] | None = None) -> Garbage:
     """What no run reaches once the runs ``forget`` are dropped, and leftovers of killed processes.
 
     Videos, artifacts, probes, fingerprints of videos that are gone, and unfinished files older than an hour.
+
+    Parameters
+    ----------
+    keep
+        What is kept, instead of what runs reach; records of videos in runs that reach more go first.
 
     Raises
     ------
     StoreError
         If there is no such run, or the record of a run that stays is damaged: nobody knows what it reaches.
     """
-    reached = _reached(store, forget)
-    folders = list(_unreached(store, reached))
+    by_run = _reached(store, forget)
+    reached = set().union(*by_run.values()) if keep is None else keep
+    unreached = dict(_unreached(store, reached))
+    blind = [path for path, places in by_run.items() if not places.isdisjoint(unreached)]
+    folders = list(unreached.values())
     left = {video[-16:] for video in store.videos() if store.path / video not in folders}
     stale = [
         path
@@ -43,17 +64,18 @@ def garbage(store: Store, forget: Sequence[str] = ()) -> Garbage:
     ]
     gone = set(folders)
     unfinished = [path for path in files.leftovers(store.path) if gone.isdisjoint(path.parents)]
-    paths = [*folders, *stale, *unfinished]
+    blind = [path for path in blind if gone.isdisjoint(path.parents)]
+    paths = [*blind, *folders, *stale, *unfinished]
     return Garbage(paths, sum(files.size(path) or 0 for path in paths))
 
 
-def _reached(store: Store, forget: Sequence[str]) -> set[tuple[str, ...]]:
-    """(video,) and (video, stage, key) of all that the runs which stay reach."""
+def _reached(store: Store, forget: Sequence[str]) -> dict[PurePath, set[Place]]:
+    """What each record of a video reaches, of the runs which stay."""
     paths = list(entry_paths(store))
     unknown = set(forget) - {*run_ids(store), *map(run_of, paths)}
     if unknown:
         raise StoreError(f"{store.path}: no run {', '.join(sorted(unknown))}; see zsmoseg runs")
-    reached: set[tuple[str, ...]] = set()
+    reached = {}
     for path in paths:
         if run_of(path) in forget:
             continue
@@ -63,22 +85,22 @@ def _reached(store: Store, forget: Sequence[str]) -> set[tuple[str, ...]]:
                 f"{path}: is damaged; what it reaches is not known, so nothing is removed; "
                 f"drop it with zsmoseg gc --forget {run_of(path)}"
             )
-        reached.add((entry.video,))
-        reached |= {(entry.video, stage, key) for stage, key in entry.keys.items()}
+        reached[path] = {(entry.video,), *((entry.video, stage, key) for stage, key in entry.keys.items())}
     return reached
 
 
-def _unreached(store: Store, reached: set[tuple[str, ...]]) -> Iterator[PurePath]:
+def _unreached(store: Store, reached: Set[Place]) -> Iterator[tuple[Place, PurePath]]:
     for video in store.videos():
         if (video,) not in reached:
-            yield store.path / video
+            yield (video,), store.path / video
             continue
         for artifact in store.video(video).artifacts():
-            if artifact.path.relative_to(store.path).parts not in reached:
-                yield artifact.archive if artifact.packed else artifact.path
+            place = artifact.path.relative_to(store.path).parts
+            if place not in reached:
+                yield place, artifact.archive if artifact.packed else artifact.path
         for path in store.video(video).probes():
             if (video, "frames", path.stem) not in reached:
-                yield path
+                yield (video, PROBES, path.stem), path
 
 
 def remove_garbage(store: Store, found: Garbage, forget: Sequence[str] = ()) -> None:
@@ -114,7 +136,25 @@ def _verify(store: Store, deep: bool) -> list[Damage]:
                 found.append(Damage(path, None, "is damaged"))
         for artifact in video.artifacts():
             found += check(artifact, deep)
-    return found
+    gone = {damage.path: damage for _, lost in _lost(store) for damage in lost.values()}
+    return found + list(gone.values())
+
+
+def _lost(store: Store) -> Iterator[tuple[Entry, dict[str, Damage]]]:
+    """What a run had finished and nobody took back, by stage, and is gone without a trace: the whole, or its last record.
+
+    No other file tells of it. The last record of a folder holds those of its parts, so that without it none is left.
+    """
+    for entry in filter(None, map(read_entry, entry_paths(store))):
+        lost = {}
+        for stage in entry.seen.keys() & entry.keys:
+            artifact = store.artifact(entry.video, stage, entry.keys[stage])
+            if not artifact.packed and not files.exists(artifact.path):
+                lost[stage] = Damage(artifact.path, None, f"is gone; the run {entry.run} had finished it")
+            elif artifact.laid_out and not artifact.written:
+                lost[stage] = Damage(last_record(artifact), None, f"is gone; the run {entry.run} wrote it")
+        if lost:
+            yield entry, lost
 
 
 def take_back(store: Store, deep: bool = True) -> list[Damage]:
@@ -137,4 +177,6 @@ def take_back(store: Store, deep: bool = True) -> list[Damage]:
         if output.listed and not output.foreign:
             output.forget([damage.path.relative_to(output.path).as_posix() for damage in damages])
         found += damages
+    for entry, lost in list(_lost(store)):
+        write_entry(store, replace(entry, seen={s: how for s, how in entry.seen.items() if s not in lost}))
     return found

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import av
@@ -89,4 +91,16 @@ def _as_if_alone() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("ZSMOSEG_STORE", raising=False)
         patch.setattr(os, "fsync", lambda _: None)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _ports_are_taken() -> Iterator[None]:
+    """The ports that Dask takes where it is not told another, as on a machine where somebody works with it."""
+    with ExitStack() as stack:
+        for port in (8786, 8787):
+            taken = stack.enter_context(socket.socket())
+            with suppress(OSError):  # somebody has it already
+                taken.bind(("", port))
+                taken.listen()
         yield

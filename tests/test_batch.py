@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import json
 import os
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from closed import skip_where_all_is_open, without_privileges
 from conftest import draw_clip, write_folder
 from runs import segment
 
@@ -451,25 +451,13 @@ def test_what_nobody_expected_keeps_its_trace_in_the_record_and_stays_with_its_v
     assert "in broken" in record["traces"]["ant"]
 
 
-DAC = (1, 2)
-"""The capabilities of root that override permissions."""
-
-
-def without_privileges() -> None:
-    """Permissions count for root too."""
-    libc = ctypes.CDLL(None, use_errno=True)
-    for capability in DAC:
-        libc.prctl(24, capability, 0, 0, 0)
-
-
 def closed(tmp_path: Path, where: str, mode: int) -> tuple[int, list[str]]:
     """The command in its own process after ``where`` was closed; exit code and lines."""
     place = tmp_path / where
     before = place.stat().st_mode
     place.chmod(mode)
     try:
-        if os.access(place, os.R_OK | os.W_OK) and (os.geteuid() or not sys.platform.startswith("linux")):
-            pytest.skip("permissions count for nothing here")
+        skip_where_all_is_open(place)
         words = ["run", "data", "-o", "out", "--store", "store", "--scheduler", "serial"]
         found = subprocess.run(
             [

@@ -122,12 +122,43 @@ def test_gc_removes_what_no_remembered_run_reaches(
     assert "0 artifacts" in say(["gc", *store], capsys)[1]
     flows = tmp_path / "zsmoseg-store"
     assert len(list(flows.glob("disc-*/flow/*"))) == 2
-    assert "give --yes" in say(["gc", *store, "--forget", first], capsys)[1]
+    assert "--yes removes" in say(["gc", *store, "--forget", first], capsys)[1]
     assert len(list(flows.glob("disc-*/flow/*"))) == 2
     assert say(["gc", *store, "--forget", first, "--yes"], capsys)[0] == 0
     assert len(list(flows.glob("disc-*/flow/*"))) == 1
     assert main(["run", str(clip), "-o", str(tmp_path / "out"), *QUICK, "--dry-run"]) == 0
     assert "nothing to do" in capsys.readouterr().out
+
+
+def test_gc_by_settings_keeps_what_they_reach_and_nothing_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = write_folder(tmp_path / "disc", draw_clip(0, 5)[0])
+    place = tmp_path / "zsmoseg-store"
+    store = ["--store", str(place)]
+    for stride in (4, 5, 6):
+        main(
+            ["run", str(clip), "-o", str(tmp_path / f"out{stride}"), *QUICK, "--set", f"flow.stride={stride}"]
+        )
+        (tmp_path / f"{stride}.toml").write_text(f"[flow]\nstride = {stride}\n")
+    before = everything(tmp_path)
+    two = ["--config", str(tmp_path / "4.toml"), "--config", str(tmp_path / "6.toml")]
+    code, said, _ = say(["gc", *store, *two], capsys)
+    assert code == 0
+    assert everything(tmp_path) == before
+    flows = {path.name for path in place.glob("disc-*/flow/*")}
+    assert sum(f"/flow/{name}\n" in said for name in flows) == 1
+    assert say(["gc", *store, *two, "--yes"], capsys)[0] == 0
+    assert len(list(place.glob("disc-*/flow/*"))) == 2
+    assert say(["verify", *store], capsys)[0] == 0, "no run speaks of what is gone"
+    for stride in (4, 6):
+        again = ["--set", f"flow.stride={stride}", "--dry-run"]
+        assert main(["run", str(clip), "-o", str(tmp_path / f"out{stride}"), *QUICK, *again]) == 0
+        assert "nothing to do" in capsys.readouterr().out
+    clip.rename(tmp_path / "elsewhere")
+    said = say(["gc", *store, "--preset", "embedded", "--yes"], capsys)[1]
+    assert "disc: all of it is kept" in said
+    assert len(list(place.glob("disc-*/flow/*"))) == 2
 
 
 def test_settings_are_listed_with_default_unit_and_meaning(capsys: pytest.CaptureFixture[str]) -> None:

@@ -57,6 +57,15 @@ def pretending(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "run_job", pretend)
 
 
+@pytest.fixture
+def patience(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The seconds that Dask waits: many, as workers may start slowly, until a test has what it wants to lose."""
+    limit = [60.0]
+    short = property(lambda _: limit[0], lambda _, given: None)
+    monkeypatch.setattr(Dask, "_patience", short, raising=False)
+    return limit
+
+
 def tries(log: Path) -> list[int]:
     return [int(line) for line in log.read_text().split()] if log.exists() else []
 
@@ -115,18 +124,20 @@ def test_an_adaptive_cluster_of_somebody_starts_workers_for_the_run_and_stays_op
 
 @pytest.mark.usefixtures("pretending")
 def test_a_job_that_needs_a_gpu_does_not_wait_for_ever_for_one_that_is_gone(
-    empty: Cluster, tmp_path: Path
+    empty: Cluster, tmp_path: Path, patience: list[float]
 ) -> None:
-    empty.worker("--resources", "GPU=1")
-    executor = Dask(str(empty.file), patience=BRIEF)
+    with_gpu = empty.worker("--resources", "GPU=1")
+    empty.worker()
+    executor = Dask(str(empty.file))
 
     def all_of_it() -> None:
         with executor:
             executor.submit(job(0, tmp_path / "log", 60.0, network=True), [], 0)
             executor.submit(job(1, tmp_path / "other", network=False), [job(0, tmp_path).name], 0)
             until(lambda: tries(tmp_path / "log") == [0])
-            empty.kill_workers()
-            empty.worker()
+            until(lambda: len(executor._client.scheduler_info()["workers"]) == 2)
+            patience[0] = BRIEF
+            kill(with_gpu)
             list(executor.results())
 
     with pytest.raises(ClusterError, match="with a GPU"):
@@ -137,18 +148,20 @@ def test_a_job_that_needs_a_gpu_does_not_wait_for_ever_for_one_that_is_gone(
 @pytest.mark.usefixtures("pretending")
 @pytest.mark.parametrize("again", [True, False])
 def test_a_result_that_died_with_its_worker_is_made_again_or_given_up(
-    again: bool, empty: Cluster, tmp_path: Path
+    again: bool, empty: Cluster, tmp_path: Path, patience: list[float]
 ) -> None:
     empty.worker()
     log = tmp_path / "log"
 
     def all_of_it() -> list[tuple[str, Outcome]]:
-        with Dask(str(empty.file), patience=60 if again else BRIEF) as executor:
+        with Dask(str(empty.file)) as executor:
             executor.submit(job(0, log), [], 0)
             until(lambda: executor._futures[job(0, log).name].status == "finished")
             empty.kill_workers()
             if again:
                 empty.worker()
+            else:
+                patience[0] = BRIEF
             return list(executor.results())
 
     if again:
@@ -163,7 +176,7 @@ def test_a_result_that_died_with_its_worker_is_made_again_or_given_up(
 @pytest.mark.usefixtures("pretending")
 @pytest.mark.parametrize("wakes", [True, False])
 def test_a_scheduler_that_does_not_answer_is_waited_for_and_then_given_up(
-    wakes: bool, empty: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    wakes: bool, empty: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, patience: list[float]
 ) -> None:
     monkeypatch.setattr(module, "CLOSING", 0.2)
     empty.worker()
@@ -176,9 +189,10 @@ def test_a_scheduler_that_does_not_answer_is_waited_for_and_then_given_up(
 
     def all_of_it() -> list[tuple[str, Outcome]]:
         monkeypatch.setattr(module, "CONNECT", 10.0)
-        with Dask(str(empty.file), patience=60 if wakes else BRIEF, say=note) as executor:
+        with Dask(str(empty.file), say=note) as executor:
             executor.submit(job(0, tmp_path / "log", 0.5), [], 0)
             until(lambda: tries(tmp_path / "log") == [0])
+            patience[0] = 60 if wakes else BRIEF
             monkeypatch.setattr(module, "CONNECT", 1.0)
             said.clear()
             empty.scheduler.send_signal(signal.SIGSTOP)
@@ -217,17 +231,28 @@ def expected(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> np.ndarray
 
 @pytest.mark.parametrize("who", ["workers", "scheduler"])
 def test_a_run_whose_cluster_is_killed_says_so_and_a_second_run_goes_on(
-    who: str, clip: Path, tmp_path: Path, expected: np.ndarray, monkeypatch: pytest.MonkeyPatch
+    who: str,
+    clip: Path,
+    tmp_path: Path,
+    expected: np.ndarray,
+    monkeypatch: pytest.MonkeyPatch,
+    patience: list[float],
 ) -> None:
     monkeypatch.setattr(driving, "TINY", 0.0)  # a task a part
     settings = resolve(overrides={"chunk.length": 4})
 
     def go(made: Cluster, watcher: After) -> Report:
         out, store = tmp_path / "out", tmp_path / "store"
-        return run(Request([str(clip)], out, store, settings, str(made.file), patience=BRIEF), watcher)
+        return run(Request([str(clip)], out, store, settings, str(made.file)), watcher)
 
     with cluster(tmp_path / who) as made:
-        report = go(made, After(made.kill_workers if who == "workers" else lambda: kill(made.scheduler)))
+
+        def harm() -> None:
+            patience[0] = BRIEF
+            made.kill_workers() if who == "workers" else kill(made.scheduler)
+
+        report = go(made, After(harm))
+    patience[0] = 60.0
     assert report.failures["disc"].startswith("not finished: ")
     assert "run the same command again" in report.failures["disc"]
     record = json.loads((tmp_path / "store" / "runs" / f"{report.run}.json").read_text())

@@ -13,6 +13,7 @@ from conftest import draw_clip, write_folder
 from runs import masks, segment
 
 from zsmoseg.stores.location import Store
+from zsmoseg.stores.upkeep import take_back, verify
 
 
 def delete(path: Path) -> None:
@@ -70,6 +71,29 @@ def test_the_next_run_mends_any_file_of_the_store(number: int, finished: Path, t
     )
     joined = [redone[name] for name in redone.keys() - shards if name.name.startswith("c.")]
     assert not any(joined), "what is joined for readers is made again without computing"
+
+
+def test_verify_misses_what_a_run_had_finished_until_it_is_taken_back(finished: Path, tmp_path: Path) -> None:
+    root = tmp_path / "run"
+    shutil.copytree(finished, root)
+    store = Store.open(root / "store", create=False)
+    assert verify(store) == []
+    for artifact in store.artifacts():
+        path = artifact.path.with_name(f"{artifact.path.name}.zip")
+        delete(path) if artifact.packed else shutil.rmtree(artifact.path)
+        found = verify(store)
+        assert [damage.path for damage in found] == [artifact.path]
+        assert found == verify(store)
+        take_back(store)
+        assert verify(store) == []
+        segment(finished.parent / "disc", root, SMALL)
+        assert verify(store) == []
+        if not artifact.packed:
+            done = artifact.path / "records" / "done.json"
+            delete(done)
+            assert done in {damage.path for damage in verify(store)}
+            segment(finished.parent / "disc", root, SMALL)
+            assert verify(store) == []
 
 
 @pytest.mark.parametrize("harm", [delete, empty, truncate])

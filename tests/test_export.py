@@ -135,39 +135,6 @@ def test_objects_are_all_labels_and_movers_may_be_painted_only_while_they_move(
 
 
 # ------------------------------------------------------------------ pixels to keep
-def test_colmap_finds_no_feature_where_something_moves(
-    root: Path, tmp_path: Path, painted: np.ndarray
-) -> None:
-    pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
-    assert export(root, tmp_path, "colmap", "--dilate", "2") == 0
-    names = [f"{t:05d}.png" for t in range(2)]
-    found = {}
-    for masked in (False, True):
-        options = pycolmap.ImageReaderOptions()
-        if masked:
-            options.mask_path = str(tmp_path / "disc")
-        database = tmp_path / f"{masked}.db"
-        extraction = pycolmap.FeatureExtractionOptions(num_threads=1, use_gpu=False)
-        pycolmap.extract_features(
-            database,
-            root / "disc",
-            image_names=names,
-            reader_options=options,
-            extraction_options=extraction,
-            device=pycolmap.Device.cpu,
-        )
-        with pycolmap.Database.open(database) as read:
-            found[masked] = [read.read_keypoints(image.image_id)[:, :2] for image in read.read_all_images()]
-    for t in range(len(names)):
-        on = [
-            painted[t][tuple(np.floor(points[:, ::-1]).astype(int).T)] > 0
-            for points in (found[False][t], found[True][t])
-        ]
-        assert on[0].any()
-        assert len(on[1])
-        assert not on[1].any()
-
-
 def test_nerfstudio_masks_are_named_like_the_frames_and_zero_where_something_moves(
     root: Path, tmp_path: Path, painted: np.ndarray
 ) -> None:

@@ -388,7 +388,7 @@ def test_more_groups_than_objects_gives_as_many_as_there_are_and_says_so(rule: s
     scene = flow_scene(6, n_movers=1, n_objects=3, n_pairs=4, shape=(120, 214), min_contrast=0.4)
     found = answer(scene, groups__rule=rule, groups__count=9)
     assert sorted(np.unique(found.group)) == [0, 1, 2, 3]
-    assert any("9 groups asked for, but there are 3 objects" in text for text in found.warnings)
+    assert any("9 groups asked for, but there are too few objects" in text for text in found.warnings)
 
 
 def test_the_true_number_of_groups_gives_the_true_groups() -> None:
@@ -427,8 +427,8 @@ def test_one_object_moves_or_not(motion: float, groups: int) -> None:
     labels[:, 20:40, 30:60] = 1
     found = shot(labels, motion=motion)
     assert len(np.unique(found.group)) == groups
-    assert "there is one object only" in found.warnings
-    assert any("moves as one" in text for text in found.warnings) == (groups == 1)
+    assert [text for text in found.warnings if "moves as one" not in text] == []
+    assert len(found.warnings) == (groups == 1)
 
 
 @pytest.mark.parametrize("rule", ["linkage", "spectral"])
@@ -442,8 +442,7 @@ def test_an_object_in_one_frame_only_and_objects_never_together(rule: str) -> No
     assert np.isnan(found.excess[3]), "no pair of frames shows it"
     assert found.group[1] > 0
     assert found.group[2] > 0
-    assert any("in one frame only" in text for text in found.warnings)
-    assert any("never seen together" in text for text in found.warnings) == (rule == "spectral")
+    assert not found.warnings, "nobody can do anything about that"
 
 
 @pytest.mark.parametrize("rule", ["linkage", "spectral"])

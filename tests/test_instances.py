@@ -132,7 +132,7 @@ def test_ids_that_break_stay_one_instance_and_one_group(gap: int) -> None:
         present = np.bincount(labels.ravel(), minlength=len(old))[: len(found.group)] > 200
         np.testing.assert_array_equal((found.group > 0)[present], (scene.group[old] > 0)[present])
         assert found.group.max() == 1
-        whole += int(found.instance.max() == 1)
+        whole += int(len(np.unique(found.instance)) == 2)
     assert whole == 3
 
 
@@ -140,7 +140,7 @@ def test_two_movers_far_apart_are_two_instances() -> None:
     for seed in range(20):
         scene = flow_scene(seed, n_movers=2, n_objects=6, companions=0.0)
         found = grouped(scene, scene.labels)
-        if found.instance.max() == 2:
+        if len(np.unique(found.instance)) == 3:
             assert found.group.max() == 2
             return
     pytest.fail("no scene with two instances")
@@ -151,7 +151,7 @@ def test_instances_never_cross_groups() -> None:
         scene = flow_scene(seed, n_movers=3, n_objects=9, shape=(120, 214), n_pairs=5, min_contrast=0.4)
         found = grouped(scene, scene.labels)
         assert ((found.instance > 0) == (found.group > 0)).all()
-        for instance in range(1, int(found.instance.max()) + 1):
+        for instance in np.unique(found.instance[found.instance > 0]):
             assert len(np.unique(found.group[found.instance == instance])) == 1
 
 

@@ -1,6 +1,7 @@
 """Which superpixels move by themselves, and the ids of what they form."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from zsmoseg.proposals.embedded.geodesic import from_border
 from zsmoseg.proposals.embedded.graph import colour_distance, connect_frames
 from zsmoseg.proposals.embedded.superpixels import Superpixels, segment
 from zsmoseg.settings import Flow, Objects, Segments
+from zsmoseg.synthetic import video_scene
 
 S = Objects().parameters(objects.Objects)
 SLIC = Segments().parameters(Superpixels)
@@ -68,8 +70,7 @@ def iou(a: np.ndarray, b: np.ndarray) -> float:
 
 def same(one: list, two: list) -> bool:
     return len(one) == len(two) and all(
-        np.array_equal(a[0], b[0]) and np.array_equal(a[1], b[1]) and a[2] == b[2]
-        for a, b in zip(one, two, strict=True)
+        all(np.array_equal(x, y) for x, y in zip(a, b, strict=True)) for a, b in zip(one, two, strict=True)
     )
 
 
@@ -105,11 +106,11 @@ def test_a_still_shot_with_noise_is_empty():
 
 def test_a_shot_of_one_frame_is_empty():
     clip = Clip(FRAMES[:1])
-    ((value, ids, score),) = clip.find()
-    assert np.isfinite(value).all()
-    assert len(value) == clip.segments.max() + 1
-    assert not ids.any()
-    assert score == 0
+    (only,) = clip.find()
+    assert np.isfinite(only.value).all()
+    assert len(only.value) == clip.segments.max() + 1
+    assert not only.ids.any()
+    assert only.score == 0
 
 
 def test_a_repeated_frame_is_segmented_like_the_frame_it_repeats():
@@ -219,3 +220,38 @@ def test_links_and_neighbours_weigh_less_the_more_their_colours_differ():
     i, j = graph.edge[colour_distance(graph, graph.edge).argmax()]
     a, b = graph.edge[colour_distance(graph, graph.edge).argmin()]
     assert weight[i, j] / alike[i, j] < weight[a, b] / alike[a, b]
+
+
+@pytest.mark.parametrize("speeds", [(0.8, 8.0), (0.8, 2.5, 8.0)])
+def test_slower_movers_are_found_by_later_looks_as_objects_of_their_own(speeds):
+    scene = video_scene(
+        2, n_objects=0, camera="still", n_frames=8, shape=(240, 427), exact=False, speeds=speeds
+    )
+    clip = Clip(scene.pictures)
+    found = clip.find()
+    ids, truth = clip.ids(found), scene.truth
+    looks = np.stack([row.look[segment] for row, segment in zip(found, clip.segments, strict=True)])
+    sure = np.stack([row.sure[segment] for row, segment in zip(found, clip.segments, strict=True)])
+    main = [np.bincount(ids[truth == k]).argmax() for k in range(1, len(speeds) + 1)]
+    assert len({0, *main}) == len(speeds) + 1
+    assert all(iou(ids == main[k - 1], truth == k) > 0.8 for k in range(1, len(speeds) + 1))
+    order = [int(looks[ids == n].min()) for n in main]
+    assert order == sorted(order, reverse=True)
+    assert order[-1] == 1
+    assert order[0] > 1
+    assert sure[looks > 1].min() >= S.selection.sure
+    assert np.array_equal(ids > 0, looks > 0)
+    slow = np.stack([row.value[segment] > 0 for row, segment in zip(found, clip.segments, strict=True)])
+    assert slow[ids == main[0]].all(), "what a look finds has the log-odds of that look"
+
+
+def test_what_a_later_look_finds_without_being_sure_is_left_out():
+    clip = Clip(
+        video_scene(
+            2, n_objects=0, camera="still", n_frames=8, shape=(240, 427), exact=False, speeds=(0.8, 8)
+        ).pictures
+    )
+    never = replace(S, selection=replace(S.selection, sure=1.01))
+    grid = clip.segments.shape[1:]
+    some, none = (list(objects.find_objects(clip.features.part, (0, 8), grid, p)) for p in (S, never))
+    assert max(row.look.max() for row in some) > max(row.look.max() for row in none) == 1

@@ -9,42 +9,21 @@ import random
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import av
 import cv2
 import numpy as np
 import pytest
+from coded import coded, decoded, excerpt
 from PIL import Image, ImageOps
 
 from zsmoseg.errors import SettingsError, VideoError
-from zsmoseg.settings import Video
 from zsmoseg.video.frames import read
 from zsmoseg.video.ignore import read_ignore
-from zsmoseg.video.probe import Excerpt, Probe, probe
+from zsmoseg.video.probe import Probe, probe
 from zsmoseg.video.sources import fingerprint, natural, sources, stat_signature, unique_names
 
 COUNT = 40
-
-
-def excerpt(**chosen: Any) -> Excerpt:
-    return Video(**chosen).parameters(Excerpt)
-
-
-def coded(number: int, width: int = 160, height: int = 90) -> np.ndarray:
-    """A picture that shows its number as six light or dark bars, top to bottom over a ramp."""
-    image = np.full((height, width, 3), 40, np.uint8)
-    image[:, : width // 4, 2] = 200
-    for bit in range(6):
-        if number >> bit & 1:
-            image[height // 6 * bit : height // 6 * (bit + 1), width // 2 :] = 220
-    return image
-
-
-def decoded(image: np.ndarray) -> int:
-    height, width = image.shape[:2]
-    bars = [image[height // 6 * b + height // 12, width * 3 // 4].mean() > 128 for b in range(6)]
-    return sum(1 << b for b, bar in enumerate(bars) if bar)
 
 
 def encode(

@@ -17,7 +17,7 @@ from conftest import draw_clip, write_folder
 from runs import data_bytes, masks, segment
 
 from zsmoseg.grouping.groups import ShotGroups
-from zsmoseg.grouping.numbering import carried
+from zsmoseg.grouping.numbering import carried_groups
 from zsmoseg.proposals.embedded import objects as proposals
 from zsmoseg.stores import sealing
 from zsmoseg.synthetic.street import street
@@ -64,7 +64,7 @@ def test_a_shot_of_one_window_has_no_border() -> None:
 
 def test_numbers_go_on_in_what_shares_most() -> None:
     def gone_on(number: list[int], before: list[int], weight: list[float]) -> list[int]:
-        return carried(np.array(number), np.array(before), np.array(weight), 7).tolist()
+        return carried_groups(np.array(number), np.array(before), np.array(weight), 7).tolist()
 
     assert gone_on([1, 2, 0], [0, 0, 0], [9, 3, 1]) == [8, 9, 0], "nothing is known: numbers go on counting"
     assert gone_on([1, 1, 2], [4, 0, 2], [1, 5, 1]) == [4, 4, 2], "what is new takes the number of its group"
@@ -84,7 +84,7 @@ def test_a_mover_is_one_object_of_one_group_through_all_windows(tmp_path: Path) 
     assert report.summaries["disc"]["moving_groups"] == 1
     for kind in ("masks", "objects"):
         painted = masks(tmp_path / "out" / "disc", kind)
-        assert np.unique(painted).tolist() == [0, 1]
+        assert len(np.unique(painted)) == 2
         both, either = ((painted > 0) & truth).sum((1, 2)), ((painted > 0) | truth).sum((1, 2))
         assert (both / either).min() > 0.6
     groups = open_store(tmp_path / "store")["disc"].groups
@@ -129,7 +129,9 @@ def told(group: list[int], excess: list[float], frames: int = 3) -> ShotGroups:
     """The answer of a window in which what has a group moves all the time."""
     number, odd = np.array(group), np.array(excess)
     moving = np.tile(number > 0, (frames, 1))
-    return ShotGroups(number, number, moving, moving.astype(np.float32), odd, np.ones(len(group)), odd)
+    return ShotGroups(
+        number, number, moving, moving.astype(np.float32), odd, np.ones(len(group)), odd, number
+    )
 
 
 def test_what_rests_at_first_and_moves_later_is_of_the_group_in_which_it_moves() -> None:
@@ -142,7 +144,7 @@ def test_what_rests_at_first_and_moves_later_is_of_the_group_in_which_it_moves()
         answer = told(group, excess)
         known.add(np.array(objects), answer, np.ones(len(objects)), answer.moving)
     assert known.group.tolist() == [0, 1, 2, 0, 2, 3]
-    assert known.instance.tolist() == known.group.tolist()
+    assert known.instance.tolist() == [0, 1, 2, 0, 2, 5], "by an object in it, not counted"
     assert known.frames_moving.tolist() == [0, 3, 3, 0, 6, 3]
     assert known.excess.tolist()[:3] == [0.0, 5.0, 7.0]
     assert np.isnan(known.excess[3])
@@ -158,6 +160,9 @@ def lengths(tmp_path_factory: pytest.TempPathFactory) -> dict[int, tuple[dict[st
             patch.setattr(module, "LENGTH", 40)
         patch.setattr(windows, "OVERLAP", 10)
         patch.setattr(proposals, "MARGIN", 8)
+        # what is joined for readers after the last part is bounded by these, not by the stage
+        patch.setattr(sealing, "LARGEST", 1)
+        patch.setattr(sealing, "LONGEST", 1)
         for frames in (80, 240):
             found[frames] = measured(street_folder(root, frames), root / str(frames), patch)
     return found

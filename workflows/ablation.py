@@ -17,7 +17,7 @@ from zsmoseg.workflows.evaluate.evaluation import evaluate
 from zsmoseg.workflows.evaluate.predictions import Prediction
 from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
 from zsmoseg.workflows.running.request import Failure, Request, Watcher
-from zsmoseg.workflows.running.run import each_plan, run
+from zsmoseg.workflows.running.run import each_plan, found_in, run
 
 PROTOCOL = "moving"
 LAST = ("groups",)
@@ -58,7 +58,7 @@ def cues(request: Request) -> dict[str, str]:
     ZsmosegError
         It cannot be planned.
     """
-    _, plan = next(each_plan(request, Store.open(request.store, create=True)))
+    _, plan = next(each_plan(request, Store.open(request.store, create=True), found_in(request)))
     if isinstance(plan, Failure):
         raise StageError(plan.message)
     stages = plan.stages

@@ -8,7 +8,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.grouping.state import Hysteresis
+from zsmoseg.proposals.embedded.objects import Selection
+from zsmoseg.settings import Settings
 from zsmoseg.workflows.result import Result
+from zsmoseg.workflows.stages.embedded.objects import SuperpixelObjects
 from zsmoseg.workflows.stages.front_end import Objects, Shot, local_ids, shots_of
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups
@@ -26,11 +30,14 @@ def details(result: Result, number: int) -> list[str]:
     margin = np.concatenate([block.margin[:, n] for block, n in states])
     moving = np.concatenate([block.moving[:, n] for block, n in states])
     frames = np.concatenate([np.arange(block.start, block.stop) for block, _ in states])
+    groups = result.groups
+    held = groups.excess[number] / groups.tolerance[number] if groups.group[number] else np.nan
     return [
+        *_later_look(result, shot, number),
         _companions(result, shot, number),
         _residuals(result, shot, int(np.searchsorted(shot.objects, number))),
-        _margin(margin, frames),
-        _states(moving, frames),
+        _margin(margin, frames, float(held)),
+        _states(moving, frames, margin, bool(groups.group[number]), _hysteresis(result)),
         _eigenvalues(states[0][0].eigenvalue[0]),
     ]
 
@@ -92,20 +99,42 @@ def _residuals(result: Result, shot: Shot, local: int) -> str:
     )
 
 
-def _margin(margin: NDArray[np.float32], frames: NDArray[np.int64]) -> str:
+def _margin(margin: NDArray[np.float32], frames: NDArray[np.int64], held: float) -> str:
+    """``held``: the odds of a mover over the shot; below 1 its margin is over them."""
     known = np.flatnonzero(np.isfinite(margin))
     if not len(known):
         return "margin: unknown, there is no pair of frames that shows it against the background"
     low, high = known[margin[known].argmin()], known[margin[known].argmax()]
+    over = f" over its own in the whole shot ({held:.2f}), as these are below 1" if held < 1 else ""
     return (
-        f"margin, ln of the odds against the static world: median {np.median(margin[known]):+.2f}, from {margin[low]:+.2f} at frame "
-        f"{frames[low]} to {margin[high]:+.2f} at frame {frames[high]}"
+        f"margin, ln of the odds against the static world{over}: median {np.median(margin[known]):+.2f}, "
+        f"from {margin[low]:+.2f} at frame {frames[low]} to {margin[high]:+.2f} at frame {frames[high]}"
     )
 
 
-def _states(moving: NDArray[np.bool_], frames: NDArray[np.int64]) -> str:
-    runs = [f"{a} to {b}" for a, b in _runs(frames[moving])]
-    return f"moving at frames {', '.join(runs)}" if runs else "moving at no frame"
+def _hysteresis(result: Result) -> Hysteresis:
+    """The settings by which movers rest."""
+    described = result.artifact("groups").description or {}
+    return Settings.model_validate(described["settings"]).groups.parameters(Hysteresis)
+
+
+def _states(
+    moving: NDArray[np.bool_],
+    frames: NDArray[np.int64],
+    margin: NDArray[np.float32],
+    mover: bool,
+    rule: Hysteresis,
+) -> str:
+    if not mover:
+        return "moving at no frame: it is static"
+    runs = [f"{a} to {b}" if a < b else str(a) for a, b in _runs(frames[moving])]
+    told = f"moving at frames {', '.join(runs)}" if runs else "moving at no frame"
+    if not np.isfinite(margin).any():
+        return f"{told}: wherever it is seen, as its margin is unknown"
+    low, high = np.log([rule.state_low, rule.state_high])
+    return (
+        f"{told}: at first by the sign of its margin, then from above {high:+.2f} on until below {low:+.2f}"
+    )
 
 
 def _runs(frames: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
@@ -113,6 +142,21 @@ def _runs(frames: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
     for run in np.split(frames, np.flatnonzero(np.diff(frames) > 1) + 1):
         if len(run):
             yield int(run[0]), int(run[-1])
+
+
+def _later_look(result: Result, shot: Shot, number: int) -> Iterator[str]:
+    """Of an object of the embedded front end that the first look did not find."""
+    if "segments" not in result.keys:
+        return
+    for block in SuperpixelObjects.read(result.artifact("objects")).of(shot.start, shot.stop).blocks():
+        if block.has("look") and (mine := block.object_of == number).any():
+            look, sure = int(block.look[mine].max()), float(block.sure[mine].max())
+            if look > 1:
+                yield (
+                    f"found by look {look}, among what those before had left, where it is the fastest: mean score {sure:.2f} "
+                    f"over its life, {Selection.sure:.2f} are asked for"
+                )
+            return
 
 
 def _companions(result: Result, shot: Shot, number: int) -> str:

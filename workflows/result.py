@@ -1,25 +1,25 @@
-"""The Python face: ``segment`` a video, ``open_store`` what is finished, read it lazily."""
+"""What is finished, in Python: ``open_store``, and everything of a video, read lazily."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from zsmoseg.errors import StageError, StoreError
-from zsmoseg.remote.url import folder
-from zsmoseg.settings import resolve
+from zsmoseg.errors import SettingsError, StoreError, ZsmosegError
+from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.dataset import open_dataset
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.runs import DONE, entries, latest
+from zsmoseg.stores.output import SUMMARY
+from zsmoseg.stores.records import as_json, read_json
+from zsmoseg.stores.runs import DONE, Entry, entries, latest, read_run
 from zsmoseg.video.probe import Probe
-from zsmoseg.workflows.running.request import Request
-from zsmoseg.workflows.running.run import run
-from zsmoseg.workflows.running.summary import MEASURED
+from zsmoseg.workflows.object_numbers import objects, objects_of_pieces
+from zsmoseg.workflows.shown import as_html, as_text, counted
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
@@ -31,54 +31,62 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+Kind = Literal["moving", "group", "instance"]
+"""What masks tell apart."""
+MEANING: dict[Kind, str] = {
+    "moving": "whether the pixel moves by itself",
+    "group": "motion group, 0 = static",
+    "instance": "object that moves, 0 = static",
+}
 BLOCK = 16
 """Frames that a lazy mask reads at once."""
-COLUMNS = ("object", "group", "instance", "frames", "area", "excess", "tolerance", "world")
-"""Of the table of objects."""
+EVIDENCE = ("excess", "tolerance", "world")
+"""Columns of the tables of objects and of pieces."""
+READ = "masks(), moving(), objects, pieces, tree, groups, affinity, labels, categories, warnings, settings, summary"
+"""What a result is asked for."""
+MOST = 20
+"""Videos of a store that are named."""
 LAST = "masks"
 """What a run to the end reaches."""
 
 
-def segment(
-    source: str | PurePath,
-    groups: int | Literal["auto"] = "auto",
-    *,
-    out: str | PurePath = "zsmoseg-out",
-    store: str | PurePath = "zsmoseg-store",
-    preset: str = "embedded",
-    settings: dict[str, Any] | None = None,
-    scheduler: Any = "serial",
-) -> Result:
-    """Segment one video.
-
-    Parameters
-    ----------
-    source : video file, folder of frames, or glob of images; a path or a URL.
-    groups : number of groups, the static one included, or ``"auto"``.
-    out, store : where the masks and the artifacts go: folders, or URLs as ``s3://bucket/name``.
-    preset, settings : a preset, and settings by dotted name on top of it.
-    scheduler : ``"serial"``, ``"local"``, the address of a Dask scheduler, or a ``distributed.Client``.
-
-    Raises
-    ------
-    ZsmosegError
-        Bad input, or a part that failed.
-    """
-    chosen = resolve(preset, None, {"groups.count": groups, **(settings or {})})
-    report = run(Request([str(source)], folder(out), folder(store), chosen, scheduler))
-    if report.failures:
-        raise StageError(next(iter(report.failures.values())))
-    return open_store(store).get(report.names[0], report.run)
-
-
 @dataclass(frozen=True)
 class Result:
-    """One finished video in a store."""
+    """One finished video in a store, of the run ``run``; its files are in ``out``."""
 
     store: Store
     name: str
     video: str
     keys: dict[str, str]
+    run: str
+    out: str
+
+    @classmethod
+    def of(cls, store: Store, entry: Entry) -> Result:
+        """What a run left of a video."""
+        return cls(store, entry.name, entry.video, dict(entry.keys), entry.run, entry.out)
+
+    def __repr__(self) -> str:
+        return as_text(f"{self.name}, run {self.run} in {self.store.path}", self._told())
+
+    def _repr_html_(self) -> str:
+        table = self.objects.to_html(index=False, border=0) if LAST in self.keys else ""
+        return as_html(f"{self.name}, run {self.run} in {self.store.path}", self._told(), table)
+
+    def _told(self) -> list[str]:
+        """What came out, in lines; what is damaged says so."""
+        try:
+            probe = self.probe
+            frames = counted(len(probe.times), "frame")
+            about = f"{frames} of {probe.width} x {probe.height} px from {probe.source}"
+            if "groups" not in self.keys:
+                return [about, f"stopped early (--until), has {', '.join(self.keys)}: tree, artifact(stage)"]
+            groups = self.groups
+            objects = counted(int((groups.area[1:] > 0).sum()), "object")
+            moving = counted(len(np.unique(groups.group[groups.group > 0])), "moving group")
+            return [about, f"{objects}, {moving}", *(f"warning: {text}" for text in self.warnings), READ]
+        except ZsmosegError as error:
+            return [str(error)]
 
     def artifact(self, stage: str) -> Artifact:
         """The artifact of one stage."""
@@ -106,20 +114,56 @@ class Result:
         parts = {name: open_dataset(artifact) for name, artifact in found.items() if artifact.description}
         return xr.DataTree.from_dict({n: d for n, d in parts.items() if d.variables}, name=self.name)
 
-    def masks(self, kind: Literal["moving", "group", "instance"] = "moving") -> xr.DataArray:
-        """Masks (frame, y, x), read when used: ``moving`` bool, ``group`` and ``instance`` integers, 0 = static."""
+    def masks(self, kind: Kind = "moving") -> xr.DataArray:
+        """Masks (frame, y, x) called ``kind``, read when used.
+
+        ``moving`` is bool; ``group`` and ``instance`` are the smallest unsigned integers that hold them, 0 = static.
+
+        Raises
+        ------
+        SettingsError
+            There is no such kind.
+        """
         import xarray as xr
 
+        if kind not in get_args(Kind):
+            raise SettingsError(f"masks({kind!r}): expected one of {', '.join(get_args(Kind))}")
         labels = open_dataset(self.artifact("labels"))["label"]
         groups = self.groups
-        number: NDArray[np.int64] = groups.instance if kind == "instance" else groups.group
-        lookup = number > 0 if kind == "moving" else number
+        number: NDArray[Any] = groups.instance if kind == "instance" else groups.group
+        number = number > 0 if kind == "moving" else number.astype(np.min_scalar_type(number.max(initial=0)))
         chunked = labels.chunk(frame=BLOCK)
         masks: xr.DataArray = xr.apply_ufunc(
-            lambda label: lookup[label], chunked, dask="parallelized", output_dtypes=[lookup.dtype]
+            lambda label: number[label], chunked, dask="parallelized", output_dtypes=[number.dtype]
         )
+        return masks.rename(kind).assign_attrs(long_name=MEANING[kind])
 
-        return masks
+    @property
+    def warnings(self) -> list[str]:
+        """What the grouping warns of; empty where it has nothing to warn of."""
+        record = self.artifact("groups").part(0)
+        if record is None:
+            raise StoreError(f"{self.name}: its groups are gone or damaged; run the same command again")
+        return list(record.facts["warnings"])
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Every setting of the run, by dotted name; ``segment(..., settings=result.settings)`` repeats it."""
+        record = read_run(self.store, self.run)
+        if record is None:
+            raise StoreError(f"{self.store.path}: the record of the run {self.run} is gone or damaged")
+        return dict(record["settings"])
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """``summary.json`` of the output folder."""
+        path = files.folder(self.out) / SUMMARY if self.out else None
+        found = read_json(path) if path is not None else None
+        if found is None or found.get("keys") != as_json(self.keys):
+            raise StoreError(
+                f"{self.name}: {path or 'its run'} has no summary of this result (any more); run the same command again"
+            )
+        return found
 
     @property
     def groups(self) -> Groups:
@@ -143,21 +187,47 @@ class Result:
 
     @property
     def objects(self) -> pd.DataFrame:
-        """One row an object: object, group, instance, frames, area, excess (px), tolerance (px), world, and the evidence.
+        """One row an object: object, group, pieces, frames, frames_moving, area, then what is known of its main piece.
+
+        That is excess (px), tolerance (px), world and visibility: see ``pieces``. Object 0 is the background; numbers are
+        those of ``objects/``, ``motion.csv``, ``summary.json`` and exports.
+        """
+        import pandas as pd
+
+        found = list(objects(self.groups, self.labels))
+        pieces = self.pieces.set_index("piece").loc[[thing.number for thing in found]].reset_index(drop=True)
+        own = pd.DataFrame(
+            {
+                "object": [thing.number for thing in found],
+                "group": pieces["group"],
+                "pieces": [tuple(thing.pieces) for thing in found],
+                "frames": [thing.frames for thing in found],
+                "frames_moving": [thing.frames_moving for thing in found],
+                "area": [thing.area for thing in found],
+            }
+        )
+        return own.join(pieces.drop(columns=own.columns, errors="ignore"))
+
+    @property
+    def pieces(self) -> pd.DataFrame:
+        """One row a piece, as it was proposed: piece, the object that it belongs to, group, frames, area, evidence.
 
         ``world`` is the affinity with the static world, tolerance / (tolerance + excess): one half = at the tolerance.
-        The evidence: visibility; geometry, whether it obeys that of the static world, or why that is not known; what was
-        measured of it: front, error, parallax, foot; counts, whether its evidence counts beside what obeys.
-        Of proposed masks also ``origin``, the id in the files, and ``category`` where a network named them.
+        ``reason``: what decided (``zsmoseg.grouping.decisions``). ``geometry``: whether it obeys that of the static world, or
+        why that is not known, with what was measured: ``front``, ``error``, ``parallax``, ``foot``; ``counts``: whether its
+        evidence counts beside what obeys. Of proposed masks also ``origin``, the id in the files, and
+        ``category`` where a network named them.
         """
         import pandas as pd
 
         groups = self.groups
-        columns = {name: getattr(groups, name) for name in COLUMNS}
-        affinity, count = self.affinity, len(groups.group)
-        columns |= {name: affinity.by_object(name, count) for name in MEASURED}
-        columns["geometry"] = np.array(affinity.geometries(count))
-        columns["counts"] = affinity.by_object("counts", count)
+        columns = {
+            "piece": groups.object,
+            "object": objects_of_pieces(groups),
+            **{name: getattr(groups, name) for name in ("group", "frames", "frames_moving", "area")},
+            **{name: getattr(groups, name) for name in (*EVIDENCE, "reason")},
+            **self.affinity.evidence(len(groups.group)),
+        }
         if "proposals" in self.keys:
             columns["origin"] = MaskObjects.read(self.artifact("objects")).origin
             if self.categories:
@@ -179,7 +249,36 @@ class OpenStore:
         return self.get(name)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(latest(self.store))
+        for name, entry in latest(self.store).items():
+            if entry.outcome == DONE or self._finished(name):
+                yield name
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and bool(self._finished(name))
+
+    def __repr__(self) -> str:
+        return as_text(*self._told())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._told())
+
+    def _told(self) -> tuple[str, list[str]]:
+        names = list(self)
+        more = [f"... and {len(names) - MOST} more"] if len(names) > MOST else []
+        title = f"store {self.store.path}, {counted(len(names), 'finished video')}"
+        return title, [*(f"[{name!r}]" for name in names[:MOST]), *more]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """What Tab offers in ``store["``."""
+        return list(self)
+
+    def _finished(self, name: str) -> list[Entry]:
+        """What finished runs left of a video, the latest first, those to the end before others."""
+        found = [entry for entry in reversed(entries(self.store, name)) if entry.outcome == DONE]
+        return sorted(found, key=lambda entry: LAST not in entry.keys)
 
     def get(self, name: str, run: str | None = None) -> Result:
         """One video: of the run ``run``, else of the latest finished one, to the end if there is one.
@@ -189,11 +288,9 @@ class OpenStore:
         StoreError
             There is no such run.
         """
-        found = [entry for entry in reversed(entries(self.store, name)) if entry.outcome == DONE]
-        found = [entry for entry in found if run in (None, entry.run)]
-        found.sort(key=lambda entry: LAST not in entry.keys)
-        for entry in found:
-            return Result(self.store, name, entry.video, dict(entry.keys))
+        for entry in self._finished(name):
+            if run in (None, entry.run):
+                return Result.of(self.store, entry)
         raise StoreError(
             f"{self.store.path}: no finished run {run + ' ' if run else ''}of {name!r}; "
             "zsmoseg status and zsmoseg runs list what is there"

@@ -6,12 +6,12 @@
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
 _OFFERED = {
-    "segment": ("zsmoseg.workflows.result", "segment"),
+    "segment": ("zsmoseg.workflows.segmenting", "segment"),
     "open_store": ("zsmoseg.workflows.result", "open_store"),
     "settings": ("zsmoseg.settings", None),
     "synthetic": ("zsmoseg.synthetic", None),
@@ -19,10 +19,21 @@ _OFFERED = {
 __all__ = ["__version__", "open_store", "segment", "settings", "synthetic"]
 
 
-def __getattr__(name: str) -> Any:
-    """Load what is offered when it is first asked for."""
-    if name not in _OFFERED:
-        raise AttributeError(f"module 'zsmoseg' has no attribute {name!r}")
-    module, attribute = _OFFERED[name]
-    loaded = import_module(module)
-    return loaded if attribute is None else getattr(loaded, attribute)
+if TYPE_CHECKING:
+    from zsmoseg import settings, synthetic
+    from zsmoseg.workflows.result import open_store
+    from zsmoseg.workflows.segmenting import segment
+else:  # type checkers know every name, and find those that are not there
+
+    def __getattr__(name: str) -> Any:
+        """Load what is offered when it is first asked for."""
+        if name not in _OFFERED:
+            raise AttributeError(f"module 'zsmoseg' has no attribute {name!r}")
+        module, attribute = _OFFERED[name]
+        loaded = import_module(module)
+        return loaded if attribute is None else getattr(loaded, attribute)
+
+
+def __dir__() -> list[str]:
+    """What is offered, loaded or not."""
+    return sorted({*globals(), *_OFFERED})

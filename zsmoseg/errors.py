@@ -18,6 +18,7 @@ ZsmosegError
 from __future__ import annotations
 
 import errno
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -77,12 +78,18 @@ class StageError(ZsmosegError):
     """A part of a stage failed; everything finished before it is kept."""
 
 
+UNFINISHED = re.compile(r"(?<=.)[/\\]\.[^/\\]*[0-9a-f]{32}\.tmp$")
+"""What files are called while they are written: the folder says more."""
+
+
 def in_words(error: BaseException) -> str | None:
     """What the system raised about somebody's file, in one line; None where it is an error of ours."""
     if is_remote_error(error):
         return remote_in_words(error)[1]
     if isinstance(error, OSError):
-        named = [str(name) for name in (error.filename, error.filename2) if name is not None]
+        named = [
+            UNFINISHED.sub("", str(name)) for name in (error.filename, error.filename2) if name is not None
+        ]
         what = error.strerror or str(error) or type(error).__name__
         return " ".join(f"{' to '.join(named)}{': ' if named else ''}{what}".split())
     if isinstance(error, UnicodeError):

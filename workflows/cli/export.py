@@ -22,7 +22,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--what",
         choices=("group", "instance", "object"),
-        help="what an id is: a group that moves (default), an instance that moves, an object, static ones too",
+        help="what an id is: a group that moves (default), an object that moves, any object; objects by the numbers of objects/",
     )
     parser.add_argument(
         "--when",
@@ -34,6 +34,12 @@ def options(parser: argparse.ArgumentParser) -> None:
         type=int,
         metavar="PX",
         help=f"by how many pixels the ignored regions grow ({taking('dilate')})",
+    )
+    parser.add_argument(
+        "--images",
+        metavar="FOLDER",
+        help="images that the masks are for, where they are not those of the source: all frames of a video file, "
+        f"extracted in order ({taking('images')}; default: those of the source, 00000.png ... of a video file)",
     )
     parser.add_argument(
         "--cue",
@@ -49,7 +55,7 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.workflows.export.exporting import choose, export
     from zsmoseg.workflows.result import open_store
 
-    chosen = choose(options.format, options.what, options.when, options.dilate, options.cue)
+    chosen = choose(options.format, options.what, options.when, options.dilate, options.cue, options.images)
     store = open_store(store_path(options.store))
     results = [store.get(video, options.run) for video in dict.fromkeys(options.videos)]
     for path in export(results, options.out, chosen):

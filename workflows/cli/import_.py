@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from zsmoseg.workflows.cli.common import OUT, store_option, store_path
 from zsmoseg.workflows.cli.run import (
@@ -16,9 +15,6 @@ from zsmoseg.workflows.cli.run import (
     overrides,
     setting_options,
 )
-
-if TYPE_CHECKING:
-    from zsmoseg.workflows.planning.plan import VideoPlan
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -44,10 +40,11 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.stores.location import Store
     from zsmoseg.workflows.imports.record import remember
     from zsmoseg.workflows.imports.settling import KINDS
+    from zsmoseg.workflows.imports.told import brought_lines
     from zsmoseg.workflows.planning.plan import VideoPlan
     from zsmoseg.workflows.running.progress import make_watcher
     from zsmoseg.workflows.running.request import Request
-    from zsmoseg.workflows.running.run import each_plan, run
+    from zsmoseg.workflows.running.run import each_plan, found_in, run
 
     settings = resolve(options.preset, options.config, overrides(options))
     kinds = [kind for kind in KINDS if getattr(settings, kind).path]
@@ -58,30 +55,14 @@ def main(options: argparse.Namespace) -> int:
     with make_watcher() as watcher:
         report = run(request, watcher)
     opened = Store.open(store, create=True)
-    for name, plan in each_plan(request, opened):
+    for name, plan in each_plan(request, opened, found_in(request)):
         if name in report.finished and isinstance(plan, VideoPlan):
             remember(opened, plan.video, plan.brought)
-            for kind, brought in plan.brought.items():
-                print(f"{plan.name}: {kind} from {brought.path} ({brought.fingerprint}){_found(plan, kind)}")
+            for line in brought_lines(plan):
+                print(f"{plan.name}: {line}")
     if report.failures:
         print(f"zsmoseg: {len(report.failures)} videos were not imported", file=sys.stderr)
         return 1
     without = " ".join(f"--set {kind}.source={KINDS[kind]}" for kind in kinds)
     print(f"zsmoseg run with --store {store} uses them from now on; without them: {without}")
     return 0
-
-
-def _found(plan: VideoPlan, kind: str) -> str:
-    """What came in, in words."""
-    artifact = plan.stages[kind].artifact
-    assert artifact is not None
-    if kind != "proposals":
-        return ""
-    from zsmoseg.workflows.stages.proposed.proposals import Proposals
-
-    records = [artifact.part(part) for part in range(len(artifact.parts))]
-    known = int(Proposals.read(artifact).known.sum())
-    hidden = sum(record.facts["hidden"] for record in records if record is not None)
-    frames = len(plan.probe.times)
-    rest = "" if known == frames else "; the frames between are filled along the flow"
-    return f": masks on {known} of {frames} frames{rest}; {hidden} px hidden below others"

@@ -136,8 +136,8 @@ def cue_options(parser: argparse.ArgumentParser) -> None:
     add("--depth", metavar="PATH", help="depth, likewise (depth.path), with --depth-is")
     add(
         "--depth-is",
-        choices=("depth", "inverse-depth"),
-        help="depth: larger = farther; inverse-depth: larger = nearer (depth.kind)",
+        choices=("depth", "inverse-depth", "disparity"),
+        help="depth: larger = farther; inverse-depth: larger = nearer; disparity: the same, 0 and less unknown (depth.kind)",
     )
 
 

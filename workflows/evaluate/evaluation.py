@@ -20,6 +20,7 @@ from zsmoseg.workflows.evaluate.predictions import Prediction
 from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
 from zsmoseg.workflows.evaluate.scoring import Job, Scored, score
 from zsmoseg.workflows.planning.estimate import cores
+from zsmoseg.workflows.running.guard import refuse_unguarded
 
 SMALL = 100
 """Frames in all up to which starting processes takes longer than scoring."""
@@ -114,6 +115,7 @@ def score_all(jobs: Sequence[Job], workers: int | None = None) -> list[Scored]:
     count = min(cores(workers), len(jobs))
     if count <= 1 or (workers is None and frames <= SMALL):
         return [score(job) for job in jobs]
+    refuse_unguarded()
     pool = ProcessPoolExecutor(count, get_context("spawn"), _quiet)
     try:
         return list(pool.map(score, jobs))

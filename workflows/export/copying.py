@@ -93,7 +93,11 @@ def _copy(result: Result, ids: Ids, cues: Sequence[str]) -> xr.Dataset:
             "mask": mask.assign_attrs(long_name="exported id of the pixel, 0 = none"),
             "moving": (("frame", "object"), result.moving(), {"long_name": "the object moves at the frame"}),
             "group": ("object", groups.group, {"long_name": "group of the object, 0 = static"}),
-            "instance": ("object", groups.instance, {"long_name": "instance of the object, 0 = static"}),
+            "instance": (
+                "object",
+                groups.instance,
+                {"long_name": "object that it is a piece of, 0 = static"},
+            ),
         },
         coords={
             "time": ("frame", np.asarray(probe.times), {"units": "s"}),

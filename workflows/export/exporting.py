@@ -20,6 +20,7 @@ def choose(
     when: Literal["ever", "now"] | None = None,
     dilate: int | None = None,
     cues: Sequence[str] | None = None,
+    images: str | None = None,
 ) -> Choice:
     """A format and its options; None where one was not given.
 
@@ -29,7 +30,8 @@ def choose(
         If there is no such format, or an option would do nothing for it or is out of range.
     """
     options = entry(FORMATS, "format", format).options
-    for option, given in (("what", what), ("when", when), ("dilate", dilate), ("cue", cues)):
+    told = {"what": what, "when": when, "dilate": dilate, "cue": cues, "images": images}
+    for option, given in told.items():
         if given is not None and option not in options:
             raise SettingsError(
                 f"--{option} does nothing for {format}; leave it out (it is for {taking(option)})"
@@ -38,9 +40,8 @@ def choose(
         raise SettingsError(f"--when {when} does nothing for --what object: all are painted; leave it out")
     if dilate is not None and dilate < 0:
         raise SettingsError(f"--dilate {dilate}: must be 0 px or more")
-    return Choice(
-        format, what or "group", when or "ever", dilate or 0, tuple(dict.fromkeys(cues or ["flow"]))
-    )
+    chosen = tuple(dict.fromkeys(cues or ["flow"]))
+    return Choice(format, what or "group", when or "ever", dilate or 0, chosen, images or "")
 
 
 def export(results: Sequence[Result], out: Path, choice: Choice) -> Iterator[Path]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.painting.numbers import paint_table
+from zsmoseg.workflows.object_numbers import objects_of_pieces
 from zsmoseg.workflows.result import BLOCK, Result
 
 
@@ -18,12 +19,12 @@ def number_tables(result: Result, what: str, when: Literal["ever", "now"]) -> ND
 
     Parameters
     ----------
-    what : ``group`` and ``instance``: those that move; ``object``: all, static ones too.
+    what : ``group``: those that move; ``instance``: objects that move, ``object``: all, by the same numbers.
     when : a mover wherever it is seen, or only while it moves.
     """
     moving = result.moving()
     if what == "object":
-        return np.tile(np.arange(moving.shape[1], dtype=np.uint16), (len(moving), 1))
+        return np.tile(objects_of_pieces(result.groups).astype(np.uint16), (len(moving), 1))
     number = result.groups.instance if what == "instance" else result.groups.group
     return np.stack([paint_table(number, state, when) for state in moving])
 
@@ -40,7 +41,7 @@ def painted(result: Result, what: str, when: Literal["ever", "now"]) -> Iterator
 def names_of_ids(result: Result, what: str) -> dict[int, str]:
     """What networks call each id: the name of its largest object; ids without a name are left out."""
     found = result.groups
-    number = {"group": found.group, "instance": found.instance}.get(what, np.arange(len(found.group)))
+    number = {"group": found.group, "instance": found.instance}.get(what, objects_of_pieces(found))
     names: dict[int, str] = {}
     for n in np.argsort(found.area, kind="stable"):
         if result.categories and result.categories[n] and number[n]:

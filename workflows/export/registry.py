@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # the command line lists the formats without numpy
     from zsmoseg.workflows.result import Result
 
 LABELS = ("what", "when")
-KEPT = ("when", "dilate")
+KEPT = ("when", "dilate", "images")
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,7 @@ class Choice:
     when : a mover is painted wherever it is seen, or only while it moves.
     dilate : px by which what moves grows.
     cues : ``flow``, ``depth``; of a format with one file or folder a cue, the one to write.
+    images : folder of the images that the masks are for; empty: those of the source.
     """
 
     format: str
@@ -36,6 +37,7 @@ class Choice:
     when: Literal["ever", "now"] = "ever"
     dilate: int = 0
     cues: tuple[str, ...] = ("flow",)
+    images: str = ""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Format:
     help : where it writes what, one line.
     write : writes one file or folder: the result, the path, the choice.
     ending : of the file; nothing for a folder.
-    options : of ``what``, ``when``, ``dilate``, ``cue``, those that change what is written.
+    options : of ``what``, ``when``, ``dilate``, ``cue``, ``images``, those that change what is written.
     cues : whether cues are in it; ``each``: one file or folder for each of them.
     check : raises where a result does not fit the format, before anything is written.
     """
@@ -118,15 +120,17 @@ FORMATS: dict[str, Format] = {
         ),
         Format(
             "colmap",
-            "OUT/VIDEO/IMAGE.png.png, 0 = moves, 255 = use (ImageReader.mask_path)",
+            "OUT/VIDEO/IMAGE.jpg.png, 0 = moves, 255 = use, turned as images are stored (ImageReader.mask_path)",
             _in("keep_masks", "write_colmap"),
             options=KEPT,
+            check=_in("keep_masks", "check_images"),
         ),
         Format(
             "nerfstudio",
-            "OUT/VIDEO/masks/FRAME.png, 0 = moves, 255 = use",
+            "OUT/VIDEO/masks/IMAGE.png, 0 = moves, 255 = use, turned as images are stored",
             _in("keep_masks", "write_nerfstudio"),
             options=KEPT,
+            check=_in("keep_masks", "check_images"),
         ),
         Format(
             "flo",

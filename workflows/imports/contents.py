@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +16,29 @@ from zsmoseg.errors import FormatError
 from zsmoseg.flow.warp import inverted, resized
 from zsmoseg.formats.depth import DepthSource, inverse_depth, open_depth
 from zsmoseg.formats.flow import FlowSource, open_flow
+from zsmoseg.formats.frame_names import match_frames
 from zsmoseg.formats.mask_formats import open_masks
-from zsmoseg.formats.names import match_frames
-from zsmoseg.formats.overlaps import FrameMasks, MaskSource
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, left_out_words
 from zsmoseg.stores.location import Store
 from zsmoseg.video.probe import Probe
 from zsmoseg.video.sources import image_files, title
 from zsmoseg.workflows.imports.record import Brought, fingerprint
 
+Source = MaskSource | FlowSource | DepthSource
+
+UNUSED = "entries of frames that are not used"
+"""What is left out of files of more frames than a run has."""
+
 SHAPE = 0.05
 """Share by which the shape of a depth map may differ from the frame's: networks round sides to multiples."""
+
+
+OPEN: dict[str, Callable[[Any, Probe], Source]] = {
+    "proposals": lambda s, probe: open_masks(Path(s.path), title(probe.source)),
+    "flow": lambda s, probe: open_flow(Path(s.path)),
+    "depth": lambda s, probe: open_depth(Path(s.path)),
+}
+"""How what is brought is opened, by its section."""
 
 
 def masks_of(s: sections.Proposals, probe: Probe, start: int, stop: int) -> Iterator[FrameMasks | None]:
@@ -114,11 +128,16 @@ def check(
         raise FormatError(f"{brought.path}: is gone or has changed since it was imported; import it again")
     frames = len(probe.times)
     if kind == "proposals":
-        if not [
-            masks for masks in masks_of(section, probe, 0, frames) if masks is not None and masks.label.any()
-        ]:
+        left_out: Counter[str] = Counter()
+        seen = 0
+        for masks in masks_of(section, probe, 0, frames):
+            if masks is not None:
+                left_out += masks.left_out
+                seen += bool(masks.label.any())
+        if not seen:
             raise FormatError(
-                f"{section.path}: has no mask in any of the {frames} frames; names must be those of the frames"
+                f"{section.path}: has no mask in any of the {frames} frames{left_out_words(left_out)}; "
+                "names must be those of the frames"
             )
     elif kind == "flow":
         for _ in flow_of(section, probe, 0, frames - 1, grid):
@@ -128,7 +147,22 @@ def check(
             pass
 
 
-def _places(source: MaskSource | FlowSource | DepthSource, path: str, probe: Probe) -> list[int | None]:
+def passed_over(kind: str, section: Any, probe: Probe) -> dict[str, Any]:
+    """What of the files is used for no frame, how many of what, and how they were understood: facts for a record."""
+    source = OPEN[kind](section, probe)
+    places = _places(source, section.path, probe)
+    used = set(places[:-1] if kind == "flow" else places) - {None}
+    left_out = source.left_out + Counter({UNUSED: source.count - len(used)})
+    return {"left_out": dict(left_out), "notes": getattr(source, "notes", [])}
+
+
+def count_unknown(facts: dict[str, Any], values: NDArray[np.float32]) -> None:
+    """Add the pixels (h, w) of a cue to ``facts``, and those that are unknown."""
+    facts["pixels"] = facts.get("pixels", 0) + values.size
+    facts["unknown"] = facts.get("unknown", 0) + int(np.isnan(values).sum())
+
+
+def _places(source: Source, path: str, probe: Probe) -> list[int | None]:
     """Which entry of the files belongs to each used frame; entries of frames that are not used are passed over.
 
     Flow may have one entry less than there are frames.

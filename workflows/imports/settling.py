@@ -92,7 +92,7 @@ def _brought(
         return before
     if kind == "depth" and not section.kind:
         raise SettingsError(
-            f"{section.path}: say what the numbers are: --depth-is depth (larger = farther) or inverse-depth"
+            f"{section.path}: say what the numbers are: --depth-is depth (larger = farther), inverse-depth or disparity"
         )
     path = find_for_video(Path(section.path), name).absolute()
     if not alone and path == Path(section.path).absolute() and path.suffix != ".json":

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import groupby
+from operator import itemgetter
 from textwrap import shorten
 from typing import Any
 
@@ -116,8 +118,7 @@ class VideoPlan:
         return last + [
             (name, i)
             for name, reach in stage.stage.reaches.items()
-            for i, (a, b) in enumerate(self.stages[name].parts)
-            if reach == ALL or (a < stop + reach and b > start)
+            for i in _touched(self.stages[name].parts, start, stop + reach if reach != ALL else None)
         ]
 
 
@@ -176,6 +177,13 @@ def plan_video(
     return plan
 
 
+def _touched(parts: Sequence[tuple[int, int]], start: int, stop: int | None) -> range:
+    """Those of ``parts``, which are in order, that share a frame with [start, stop); all where there is no ``stop``."""
+    if stop is None:
+        return range(len(parts))
+    return range(bisect_right(parts, start, key=itemgetter(1)), bisect_left(parts, stop, key=itemgetter(0)))
+
+
 def _needed(stages: Graph, until: Sequence[str]) -> list[Stage[Any, Any]]:
     """The stages that ``until`` need, themselves included, in order; all without them; ``frames`` holds the probe."""
     needed = {"frames", *(until or stages)}
@@ -224,12 +232,9 @@ def cut(frames: int, length: int) -> list[tuple[int, int]]:
 
 def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None) -> None:
     """Which parts are to do, and the reason in words."""
-    problems = {i: problem for i in range(len(stage.parts)) if (problem := _problem(plan, stage, i))}
-    behind = {
-        i
-        for i in range(len(stage.parts))
-        if any(part in plan.stages[name].todo for name, part in plan.before(stage, i))
-    }
+    problems = _problems(plan, stage)
+    redone = {(name, part) for name in stage.stage.reaches for part in plan.stages[name].todo}
+    behind = {i for i in range(len(stage.parts)) if redone and not redone.isdisjoint(plan.before(stage, i))}
     stage.todo = [i for i in range(len(stage.parts)) if again or i in problems or i in behind]
     if not stage.todo:
         return
@@ -242,17 +247,25 @@ def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None
         first = next(iter(problems.values()))
         stage.reason = f"{len(problems)} of {len(stage.parts)} parts to do: {first}"
     else:
-        changed = sorted(
-            {name for i in stage.todo for name, p in plan.before(stage, i) if p in plan.stages[name].todo}
-        )
+        changed = sorted({name for i in stage.todo for name, _ in redone.intersection(plan.before(stage, i))})
         stage.reason = f"input redone: {', '.join(changed)}"
 
 
-def _problem(plan: VideoPlan, stage: StagePlan, part: int) -> str | None:
-    if stage.artifact is not None:
-        return None if (stage.stage.name, stage.key) in plan.known else part_problem(stage.artifact, part)
+def _problems(plan: VideoPlan, stage: StagePlan) -> dict[int, str]:
+    """Why parts are not usable; without those that are."""
+    parts = range(len(stage.parts))
+    if (stage.stage.name, stage.key) in plan.known:
+        return {}
     if not _begun(plan, stage):
-        return "not written yet"
+        return dict.fromkeys(parts, "not written yet" if stage.artifact is None else "not computed yet")
+    if stage.artifact is not None:
+        found = {part: part_problem(stage.artifact, part) for part in parts}
+    else:
+        found = {part: _output_problem(plan, stage, part) for part in parts}
+    return {part: problem for part, problem in found.items() if problem}
+
+
+def _output_problem(plan: VideoPlan, stage: StagePlan, part: int) -> str | None:
     start, stop = stage.parts[part]
     assert stage.stage.files is not None
     return plan.output.problem(

@@ -7,10 +7,10 @@ from typing import Any
 from zsmoseg.settings import Settings
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.beginning import begin
-from zsmoseg.stores.checks import joined_problem, part_problem
+from zsmoseg.stores.checks import part_problem
 from zsmoseg.stores.leases import lease, sweep
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.sealing import seal
+from zsmoseg.stores.sealing import seal_once
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
 from zsmoseg.workflows.running.summary import write_summary
 from zsmoseg.workflows.stage import first_record
@@ -47,14 +47,10 @@ def _begin(stage: StagePlan, artifact: Artifact, plan: VideoPlan) -> None:
 
 
 def seal_video(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
-    """Seal what is whole and not sealed yet; the summary where the plan leaves files."""
+    """Seal what the task of the last part has not sealed; the summary where the plan leaves files."""
     for stage in plan.stages.values():
-        if stage.artifact is None or stage.packed or not stage.stage.leaves:
-            continue
-        if joined_problem(stage.artifact):
-            with lease(stage.artifact.lease_path("seal")):
-                if joined_problem(stage.artifact):
-                    seal(stage.artifact, stage.stage.leaves, plan.probe.times, plan.probe.names)
+        if stage.artifact is not None and not stage.packed and stage.stage.leaves:
+            seal_once(stage.artifact, stage.stage.leaves, plan.probe.times, plan.probe.names)
     frames = plan.stages["frames"].artifact
     assert frames is not None
     sweep(frames.path.parent.parent)

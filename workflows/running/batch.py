@@ -124,6 +124,8 @@ class Batch:
                     self._hold_back(source, name, lambda: files.exists(path))
                     return None
             except (OSError, ZsmosegError) as error:
+                if isinstance(error, PermissionError) and not files.exists(plan.output.path):
+                    self._refuse_closed(error)
                 self.fail(plan, Failure.of(error, source), error)
                 return None
             if plan.output.stamp != before:  # another run has written there meanwhile
@@ -131,6 +133,13 @@ class Batch:
                 if plan is None:
                     self._let_go(name)
         return plan
+
+    def _refuse_closed(self, error: PermissionError) -> None:
+        """Before anything is started: no other video would get a folder in what is closed either."""
+        if not self.report.started:
+            raise AccessError(
+                f"{self.request.out}: no folder can be made there ({error.strerror}); give another with -o, or mend that"
+            ) from error
 
     def _hold_back(self, source: str, name: str, busy: Callable[[], bool]) -> None:
         self._held[name] = busy

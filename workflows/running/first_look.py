@@ -7,6 +7,7 @@ from zsmoseg.stores import files, seen
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import last_entry
 from zsmoseg.video.probe import Excerpt, Probe, probe
+from zsmoseg.video.sources import fingerprint as read_fingerprint
 from zsmoseg.video.sources import stat_signature
 from zsmoseg.workflows.planning.plan import VideoPlan, plan_video
 from zsmoseg.workflows.running.request import Request
@@ -28,8 +29,9 @@ def make_plan(request: Request, store: Store, source: str, name: str, alone: boo
 
 def _planned(request: Request, store: Store, source: str, name: str, alone: bool) -> VideoPlan:
     settings = request.settings
-    fingerprint = store.fingerprint(source, settings.video.fingerprint)
-    looked = _probe(store, source, fingerprint, settings.video.parameters(Excerpt))
+    signature, method = stat_signature(source), settings.video.fingerprint
+    fingerprint = store.fingerprint_of(f"{method} {signature}", lambda: read_fingerprint(source, method))
+    looked = _probe(store, source, signature, fingerprint, settings.video.parameters(Excerpt))
     video = store.video_id(name, fingerprint)
     folder = store.video(video).path
     with files.looking_at(folder, request.out / name):
@@ -54,13 +56,13 @@ def _planned(request: Request, store: Store, source: str, name: str, alone: bool
         return plan
 
 
-def _probe(store: Store, source: str, fingerprint: str, excerpt: Excerpt) -> Probe:
+def _probe(store: Store, source: str, signature: str, fingerprint: str, excerpt: Excerpt) -> Probe:
     """The probe of a source: the one known here if no file was touched since; opening a hundred images takes a while.
 
     One of another version of the stage ``frames`` may mean other frames, and does not count.
     """
     found = store.remembered(
-        f"{STAGE.version} {excerpt} {stat_signature(source)}",
+        f"{STAGE.version} {excerpt} {signature}",
         lambda: {"fingerprint": fingerprint, "probe": probe(source, excerpt).to_json()},
     )
     return Probe.from_json(found["probe"])

@@ -152,6 +152,7 @@ def _keep(
     from zsmoseg.stores.artifact import part_name
     from zsmoseg.stores.checks import part_problem
     from zsmoseg.stores.leases import lease
+    from zsmoseg.stores.sealing import seal_once
     from zsmoseg.stores.writer import PartWriter, write_archive
     from zsmoseg.workflows.stage import description, first_record
 
@@ -170,6 +171,11 @@ def _keep(
             for block in left:
                 writer.put(block)
             writer.facts = facts()
+    # here and not in the client alone: on many workers that would be the one that all wait for
+    parts = range(len(artifact.parts))
+    if artifact.written == len(parts) and not any(part_problem(artifact, i) for i in parts):
+        assert stage.leaves is not None
+        seal_once(artifact, stage.leaves, part.probe.times, part.probe.names)
 
 
 def _inputs(job: Job, stage: Stage[Any, Any], store: Store) -> Any:

@@ -10,6 +10,7 @@ from typing import Any
 
 from zsmoseg.errors import ClusterError
 from zsmoseg.workflows.planning.estimate import cores
+from zsmoseg.workflows.running.guard import refuse_unguarded
 
 ALLOCATOR = {"MALLOC_TRIM_THRESHOLD_": 2**28, "MALLOC_MMAP_THRESHOLD_": 2**25}
 """Bytes, for glibc. Dask's 64 KiB gives every image-sized array back to the system at once, and the next one faults its
@@ -22,7 +23,7 @@ def start(workers: int | None, stack: ExitStack) -> Any:
     Raises
     ------
     ClusterError
-        If the workers do not come up.
+        If the workers do not come up, or the script that starts them has no guard.
     """
     import dask
     from distributed import LocalCluster
@@ -30,6 +31,7 @@ def start(workers: int | None, stack: ExitStack) -> Any:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN) if _main_thread() else None
     stack.enter_context(dask.config.set(configuration()))  # workers that are started again read it too
     try:
+        refuse_unguarded()
         made = LocalCluster(
             n_workers=cores(workers),
             threads_per_worker=1,
@@ -43,6 +45,8 @@ def start(workers: int | None, stack: ExitStack) -> Any:
             False  # we close it; at exit Dask would try once more, and print what Ctrl-C does to that
         )
         return made
+    except ClusterError:
+        raise
     except Exception as error:
         raise ClusterError(
             f"the local cluster did not start ({' '.join(str(error).split()) or type(error).__name__}): a worker died "

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, Self, TextIO
 
+from zsmoseg.workflows.imports.told import brought_lines
 from zsmoseg.workflows.planning.estimate import Estimate, estimate_line
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan
 from zsmoseg.workflows.running.jobs import Outcome
@@ -292,6 +293,7 @@ def video_lines(plan: VideoPlan, summary: dict[str, Any] | None) -> list[str]:
         f"{plan.name}: {summary['frames']} frames, {summary['objects']} objects, "
         f"{moving} moving group{'' if moving == 1 else 's'}, {summary['moving_pixels_percent']:.1f} % of the pixels move"
     ]
+    lines += [f"  {line}" for line in (brought_lines(plan) if plan.settled is None else [])]
     lines += [f"  warning: {text}" for text in summary["warnings"]]
     return [*lines, f"  masks: {plan.output.path / 'masks'}"]
 

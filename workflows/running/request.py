@@ -158,6 +158,7 @@ class Failure:
             return cls(str(error))
         words = in_words(error)
         if words is not None:
-            return cls(f"{source}: {words}; mend that and run the same command again")
+            named = words if words.startswith(f"{source}:") else f"{source}: {words}"
+            return cls(f"{named}; mend that and run the same command again")
         trace = "".join(format_exception(error))
         return cls(f"{source}: unexpected {type(error).__name__}: {error}", trace)

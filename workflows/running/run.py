@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from zsmoseg.errors import ZsmosegError, system_errors_in_words
 from zsmoseg.networks.session import chosen_provider
@@ -26,6 +26,7 @@ from zsmoseg.workflows.running.choosing import Named, choose, nothing_left
 from zsmoseg.workflows.running.driving import Drive
 from zsmoseg.workflows.running.executors import make_executor
 from zsmoseg.workflows.running.first_look import make_plan
+from zsmoseg.workflows.running.guard import leave_if_imported_again
 from zsmoseg.workflows.running.request import Failure, Quiet, Report, Request, Watcher
 from zsmoseg.workflows.running.workers import Needs
 
@@ -56,6 +57,8 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     ZsmosegError
         Before anything is started: bad sources, settings, store, output folder, too little disk, no cluster.
     """
+    if request.scheduler == "local":
+        leave_if_imported_again()
     watcher = watcher or Quiet()
     with system_errors_in_words():
         place, _ = files.folder(request.store), files.folder(request.out)
@@ -131,15 +134,16 @@ def _needs(batch: Batch, first: deque[VideoPlan]) -> Needs:
     )
 
 
-def each_plan(request: Request, store: Store) -> Iterator[tuple[str, VideoPlan | Failure]]:
-    """The plan of every video that is meant, or what is wrong with it; nothing is written.
+def each_plan(
+    request: Request, store: Store, found: Sequence[Named]
+) -> Iterator[tuple[str, VideoPlan | Failure]]:
+    """The plan of every video of ``found`` that is meant, or what is wrong with it; nothing is written.
 
     Raises
     ------
     ZsmosegError
         Of a single video, why it cannot be planned.
     """
-    found = found_in(request)
     meant = choose(found, request.choice, store)
     for source, name in meant:
         try:
@@ -167,7 +171,7 @@ def dry_run(request: Request) -> Iterator[str]:
             yield nothing_left(len(found), request.choice)
             return
         guess, rates = estimate([]), Rates()
-        for name, plan in each_plan(request, store):
+        for name, plan in each_plan(request, store, found):
             if isinstance(plan, Failure):
                 yield f"{name}: {plan.message}"
                 continue

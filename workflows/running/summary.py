@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Iterator
 from io import StringIO
 from typing import Any, TypeVar
 
 import numpy as np
 
 from zsmoseg import __version__
+from zsmoseg.grouping.decisions import Reason
 from zsmoseg.settings import Settings
 from zsmoseg.stores import files
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.output import LIST, STATES, SUMMARY
 from zsmoseg.stores.records import as_json, read_json
 from zsmoseg.stores.seen import VIDEO
+from zsmoseg.workflows.object_numbers import objects, objects_of_pieces
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
@@ -23,8 +26,6 @@ from zsmoseg.workflows.stages.motion.groups import Groups
 from zsmoseg.workflows.stages.proposed.objects import object_names
 
 T = TypeVar("T", bound=Arrays)
-MEASURED = ("visibility", "front", "error", "parallax", "foot")
-"""Of the evidence for each object, as the stage ``affinity`` left it."""
 
 
 def settled(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
@@ -82,13 +83,13 @@ def _about(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
 
 
 def states(plan: VideoPlan) -> str:
-    """CSV, a row for every object at every frame that shows it: whether it moves, and by what margin.
+    """CSV, a row for every piece of an object at every frame that shows it: whether it moves, and by what margin.
 
     The margin is the logarithm of the odds against the static world (cost over what is tolerated), empty where it is unknown.
     """
     labels, groups, out = _read(plan, "labels", Labels), _read(plan, "groups", Groups), StringIO()
-    rows = csv.writer(out, lineterminator="\n")
-    rows.writerow(["frame", "name", "seconds", "object", "instance", "group", "moving", "margin"])
+    rows, of = csv.writer(out, lineterminator="\n"), objects_of_pieces(groups)
+    rows.writerow(["frame", "name", "seconds", "object", "piece", "group", "moving", "margin"])
     for state in groups.blocks():
         if not state.has("moving"):
             continue
@@ -98,7 +99,7 @@ def states(plan: VideoPlan) -> str:
                 if n:
                     local = int(np.searchsorted(state.object, n))
                     moving, margin = (x[frame - state.start, local] for x in (state.moving, state.margin))
-                    about = [n, groups.instance[n], groups.group[n], int(moving)]
+                    about = [of[n], n, groups.group[n], int(moving)]
                     when = [frame, plan.probe.names[frame], f"{plan.probe.times[frame]:.4f}"]
                     rows.writerow([*when, *about, f"{margin:.3f}" if np.isfinite(margin) else ""])
     return out.getvalue()
@@ -119,40 +120,53 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
     assert record is not None
     found = Groups.read(artifact)
     group, area = found.group, found.area
-    described = plan.stages["objects"].artifact
-    names = object_names(described) if described is not None and "detections" in plan.stages else []
-    affinity = _read(plan, "affinity", Affinity)
-    measured = {name: affinity.by_object(name, len(group)) for name in MEASURED}
-    geometry = affinity.geometries(len(group))
+    evidence = list(_evidence(plan, found))
     return {
         **_about(plan, settings),
-        "objects": int((area[1:] > 0).sum()),
+        "objects": len(evidence),
         "groups": len(np.unique(np.append(group, 0))),
         "moving_groups": len(np.unique(group[group > 0])),
         "moving_pixels_percent": _share(area, group, plan),
         "warnings": record.facts["warnings"],
-        "evidence": [
-            {
-                "object": int(n),
-                **({"category": names[n]} if names else {}),
-                "group": int(group[n]),
-                "instance": int(found.instance[n]),
-                "frames": int(found.frames[n]),
-                "frames_moving": int(found.frames_moving[n]),
-                "pixels": int(area[n]),
-                "excess_px": _known(found.excess[n]),
-                "tolerance_px": _known(found.tolerance[n]),
-                "affinity_with_world": _known(found.world[n]),
-                "geometry": geometry[n],
-                **{name: _known(values[n]) for name, values in measured.items()},
-            }
-            for n in np.flatnonzero(area > 0)
-            if n > 0
-        ],
+        "evidence": evidence,
         "stages": {
             name: _cost(plan, name) for name, stage in plan.stages.items() if stage.artifact is not None
         },
     }
+
+
+def _evidence(plan: VideoPlan, found: Groups) -> Iterator[dict[str, Any]]:
+    """A record an object, with what is known of the piece of its number; under it the pieces that joined it."""
+    described = plan.stages["objects"].artifact
+    names = object_names(described) if described is not None and "detections" in plan.stages else []
+    seen = _read(plan, "affinity", Affinity).evidence(len(found.group))
+
+    def proof(n: int) -> dict[str, Any]:
+        return {
+            "excess_px": _known(found.excess[n]),
+            "tolerance_px": _known(found.tolerance[n]),
+            "affinity_with_world": _known(found.world[n]),
+            "geometry": str(seen["geometry"][n]),
+            **{name: _known(values[n]) for name, values in seen.items() if values.dtype.kind == "f"},
+            "decided_by": Reason(int(found.reason[n])).name.lower(),
+        }
+
+    def size(frames: int, moving: int, area: int) -> dict[str, int]:
+        return {"frames": int(frames), "frames_moving": int(moving), "pixels": int(area)}
+
+    for thing in objects(found, _read(plan, "labels", Labels)):
+        if thing.number:
+            yield {
+                "object": thing.number,
+                **({"category": names[thing.number]} if names else {}),
+                "group": int(found.group[thing.number]),
+                **size(thing.frames, thing.frames_moving, thing.area),
+                **proof(thing.number),
+                "joined": [
+                    {"piece": n, **size(found.frames[n], found.frames_moving[n], found.area[n]), **proof(n)}
+                    for n in thing.pieces[1:]
+                ],
+            }
 
 
 def _known(value: float) -> float | None:

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.compiling import compiled
 from zsmoseg.flow.consistency import Flow
 
 GAIN = 6.0
@@ -34,7 +34,7 @@ def flow_noise(flow: Flow, used: NDArray[np.bool_], lag: int) -> float:
     return float(total / (GAIN * count)) if count else 0.0
 
 
-@nb.njit(cache=True)
+@compiled
 def _second_differences(u: NDArray[Any], v: NDArray[Any], used: NDArray[Any], lag: int) -> tuple[float, int]:
     """Sum of squares of the differences whose three pixels are ``used`` and known, and their number."""
     height, width = used.shape

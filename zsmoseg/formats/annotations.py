@@ -13,6 +13,8 @@ from zsmoseg.formats.npy import DAMAGED, damaged
 from zsmoseg.video.bounds import TooLarge, check_size
 
 Entry = dict[str, Any]
+STROKES, EMPTY = "polygons of fewer than three points", "annotations without a mask"
+"""What is left out of JSON."""
 
 HIGHEST_SCORE = 1e30
 """Of 32 bits nearly."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -13,60 +14,83 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
-from zsmoseg.formats.annotations import Entry, choose_video, entries, field, score_of, size_of
+from zsmoseg.formats.annotations import EMPTY, STROKES, Entry, choose_video, entries, field, score_of, size_of
 from zsmoseg.formats.names import inside
-from zsmoseg.formats.overlaps import HIGHEST, FrameMasks, MaskSource, refuse_many, stack, text
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, refuse_many, stack, text
+from zsmoseg.formats.track_ids import Value, numbers_of, track_ids
 
-IDS = ("track_id", "instance_id")
-"""Fields of annotations that tell objects through the video."""
+CROWDS = "marked as crowds (iscrowd) and read as the masks they hold"
 
 
 class CocoImages(MaskSource):
-    """The images of one video and their annotations; crowds are no objects and are left out."""
+    """The images of one video and their annotations. Brush tools mark run lengths as crowds: those are masks as well."""
 
     def __init__(self, path: Path, content: Entry, video: str | None) -> None:
-        images = _images_of(entries(content, "images", path), video, path)
+        everything = entries(content, "images", path)
+        images = _images_of(everything, video, path)
         self._names = {image["id"]: image["file_name"] for image in images}
+        own = _annotations_of(entries(content, "annotations", path), {i["id"] for i in everything}, path)
+        given = [a for a in own if a["image_id"] in self._names]
+        found = [a for a in given if a.get("segmentation", []) not in ([], None)]
+        if given and not found:
+            raise FormatError(
+                f"{path}: none of its {len(given)} annotations has a mask (boxes alone?); export polygons or run lengths"
+            )
         self._annotations: dict[int, list[Entry]] = {image["id"]: [] for image in images}
-        known = {image["id"] for image in entries(content, "images", path)}
-        for annotation in entries(content, "annotations", path):
-            where = f"{path}, annotation {annotation['id']}"
-            image = field(annotation, "image_id", int, where)
-            if image not in known:
-                raise FormatError(
-                    f"{where}: there is no image {image} in the file; mend image_id or remove it"
-                )
-            if image in self._annotations and not annotation.get("iscrowd"):
-                self._annotations[image].append(annotation)
-        own = [a for found in self._annotations.values() for a in found]
-        self._key = _id_field(own, path)
-        self._scored = bool(own) and all("score" in a for a in own)
+        for annotation in found:
+            self._annotations[annotation["image_id"]].append(annotation)
+        ids = track_ids(found, path)
         frames = [inside(image["file_name"], str(path)).stem for image in images]
-        super().__init__(path, frames, len(frames), _common_size(images, path), ids=self._key is not None)
+        super().__init__(path, frames, len(frames), _common_size(images, path), ids=ids is not None)
+        self._scored = bool(found) and all("score" in a for a in found)
         self._images = [image["id"] for image in images]
+        self._told(found, ids)
+        self.left_out += Counter(
+            {EMPTY: len(given) - len(found), "annotations of other videos": len(own) - len(given)}
+        )
+
+    def _told(self, found: Sequence[Entry], ids: Sequence[Value] | None) -> None:
+        """Number the objects, and note what is not plain."""
+        numbers, note = numbers_of(ids or [], self.path)
+        self._number = {a["id"]: numbers[n] for a, n in zip(found, ids or [], strict=bool(ids))}
+        crowds = sum(bool(a.get("iscrowd")) for a in found)
+        self.notes += [*([f"{crowds} {CROWDS}"] if crowds else []), *([note] if note else [])]
 
     def _read(self, index: int) -> FrameMasks:
         image = self._images[index]
         found = self._annotations[image]
         where = f"{self.path}, {self._names[image]}"
         refuse_many(len(found), self.size, where)
-        masks = [
-            rle.decode(a.get("segmentation"), self.size, f"{where}, annotation {a['id']}") for a in found
+        drawn = [
+            (a, *rle.decode(a["segmentation"], self.size, f"{where}, annotation {a['id']}")) for a in found
         ]
-        scores = [score_of(a, where) for a in found] if self._scored else None
-        return stack(masks, self.size, self._numbers(found, where), scores)
+        kept = [(a, mask) for a, mask, _ in drawn if mask is not None]
+        left_out = Counter({STROKES: sum(n for *_, n in drawn), EMPTY: len(drawn) - len(kept)})
+        scores = [score_of(a, where) for a, _ in kept] if self._scored else None
+        numbers = self._numbers([a for a, _ in kept], where)
+        return stack([mask for _, mask in kept], self.size, numbers, scores, +left_out)
 
     def _numbers(self, found: Sequence[Entry], where: str) -> list[int] | None:
-        if self._key is None:
+        if not self.ids:
             return None
-        numbers = [int(field(a, self._key, int, where)) for a in found]
-        wrong = [n for n in numbers if not 1 <= n <= HIGHEST or numbers.count(n) > 1]
-        if wrong:
+        numbers = [self._number[a["id"]] for a in found]
+        twice = [a for a, n in zip(found, numbers, strict=True) if numbers.count(n) > 1]
+        if twice:
             raise FormatError(
-                f"{where}: {self._key} {wrong[0]} stands twice in one image, or not between 1 and {HIGHEST}; "
-                "give each object a number of its own"
+                f"{where}: annotations {twice[0]['id']} and {twice[1]['id']} have one id; give each object an id of its own, "
+                "or one annotation to all its pieces"
             )
         return numbers
+
+
+def _annotations_of(annotations: list[Entry], images: set[int], path: Path) -> list[Entry]:
+    """The annotations, each of an image that there is."""
+    for annotation in annotations:
+        where = f"{path}, annotation {annotation['id']}"
+        image = field(annotation, "image_id", int, where)
+        if image not in images:
+            raise FormatError(f"{where}: there is no image {image} in the file; mend image_id or remove it")
+    return annotations
 
 
 def _images_of(images: list[Entry], video: str | None, path: Path) -> list[Entry]:
@@ -78,19 +102,6 @@ def _images_of(images: list[Entry], video: str | None, path: Path) -> list[Entry
     if not by_folder:
         raise FormatError(f"{path}: holds no images; export it with its images")
     return by_folder[choose_video(list(by_folder), video, path)]
-
-
-def _id_field(annotations: Sequence[Entry], path: Path) -> str | None:
-    """The field that holds the ids of objects, if all have it."""
-    for key in IDS:
-        having = sum(key in a for a in annotations)
-        if having and having < len(annotations):
-            raise FormatError(
-                f"{path}: {having} of {len(annotations)} annotations have a {key}; give it to all or to none"
-            )
-        if having:
-            return key
-    return None
 
 
 def _common_size(images: Sequence[Entry], path: Path) -> tuple[int, int]:

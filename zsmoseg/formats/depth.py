@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
@@ -12,12 +13,14 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats.exr_head import check_exr
-from zsmoseg.formats.label_images import read_numbers
-from zsmoseg.formats.names import frame_files
+from zsmoseg.formats.label_images import one_channel, read_values
+from zsmoseg.formats.names import frame_files, others
 from zsmoseg.formats.npy import Array, Rows, load, only_key
 from zsmoseg.formats.overlaps import index_of, text
 
 Map = NDArray[np.float32]
+Kind = Literal["depth", "inverse-depth", "disparity"]
+"""What the numbers of a depth map are."""
 HIGHEST = 65535
 """Of 16 bits."""
 
@@ -35,12 +38,20 @@ class DepthSource:
         Number of maps.
     reader
         A function from the index of a map to the map and where it stands.
+    left_out
+        What of the folder is no depth: how many of what, in words.
     """
 
     def __init__(
-        self, path: Path, frames: list[str] | None, count: int, reader: Callable[[int], tuple[Map, str]]
+        self,
+        path: Path,
+        frames: list[str] | None,
+        count: int,
+        reader: Callable[[int], tuple[Map, str]],
+        left_out: Counter[str] | None = None,
     ) -> None:
         self.path, self.frames, self.count, self._reader = path, frames, count, reader
+        self.left_out = left_out or Counter()
         self._size: tuple[int, ...] | None = None
 
     def read(self, entry: int | str) -> Map:
@@ -83,7 +94,11 @@ def open_depth(path: str | Path) -> DepthSource:
         if not files:
             raise FormatError(f"{path}: holds no depth; give {', '.join(READERS)} named like the frames")
         return DepthSource(
-            path, [f.stem for f in files], len(files), lambda i: (read_depth(files[i]), str(files[i]))
+            path,
+            [f.stem for f in files],
+            len(files),
+            lambda i: (read_depth(files[i]), str(files[i])),
+            others(path, files),
         )
     if not path.is_file() or path.suffix.lower() not in (".npy", ".npz"):
         raise FormatError(f"{path}: is no depth; give a folder of {', '.join(READERS)}, or one .npy or .npz")
@@ -109,6 +124,16 @@ def read_depth(path: Path) -> Map:
     return as_depth(READERS[path.suffix.lower()](path), str(path))
 
 
+def _read_png(path: Path) -> Array:
+    values = one_channel(read_values(path, shown=True))
+    if values is None:
+        raise FormatError(
+            f"{path}: is in colour, depth painted for the eye; give the depth itself, one number a pixel: a grey png of "
+            "16 bits, .npy, .npz or .exr"
+        )
+    return values
+
+
 def _read_array(path: Path) -> Array:
     return load(path)[only_key(path)]
 
@@ -132,7 +157,7 @@ def _read_exr(path: Path) -> Array:
 
 
 READERS: dict[str, Callable[[Path], Array]] = {
-    ".png": read_numbers,
+    ".png": _read_png,
     ".npy": _read_array,
     ".npz": _read_array,
     ".exr": _read_exr,
@@ -150,18 +175,20 @@ def as_depth(values: Array, where: str) -> Map:
     return values.astype(np.float32)
 
 
-def inverse_depth(values: NDArray[Any], kind: Literal["depth", "inverse-depth"]) -> Map:
+def inverse_depth(values: NDArray[Any], kind: Kind) -> Map:
     """Relative inverse depth (H, W), near is large; NaN where unknown.
 
     Parameters
     ----------
     values : (H, W) as stored.
     kind : ``depth``: far is large; 0, less and NaN are unknown, infinitely far is 0. ``inverse-depth``: near is
-        large; NaN and infinity are unknown.
+        large; NaN and infinity are unknown. ``disparity``: the same, and 0 and less are unknown, as in stereo.
     """
     given = np.asarray(values, np.float32)
     if kind == "inverse-depth":
         return np.where(np.isfinite(given), given, np.float32(np.nan))
+    if kind == "disparity":
+        return np.where(np.isfinite(given) & (given > 0), given, np.float32(np.nan))
     return np.divide(1, given, out=np.full_like(given, np.nan), where=given > 0)
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats.flow_files import Flow, as_flow, read_flow, sides
-from zsmoseg.formats.names import SIDES, frame_files
+from zsmoseg.formats.names import SIDES, frame_files, others
 from zsmoseg.formats.npy import Rows, keys, load
 from zsmoseg.formats.overlaps import index_of, text
 
@@ -31,6 +32,8 @@ class FlowSource:
         Number of pairs.
     readers
         For each direction that there is, a function from the index of a pair to its flow and where it stands.
+    left_out
+        What of the folder is no flow: how many of what, in words.
     """
 
     def __init__(
@@ -39,8 +42,10 @@ class FlowSource:
         frames: list[str] | None,
         count: int,
         readers: dict[str, Callable[[int], tuple[Flow, str]]],
+        left_out: Counter[str] | None = None,
     ) -> None:
         self.path, self.frames, self.count, self._readers = path, frames, count, readers
+        self.left_out = left_out or Counter()
         self._size: tuple[int, ...] | None = None
 
     @property
@@ -140,7 +145,11 @@ def _open_folder(path: Path) -> FlowSource:
     def reader(side: str) -> Callable[[int], tuple[Flow, str]]:
         return lambda index: (read_flow(order[side][index], side), str(order[side][index]))
 
-    return FlowSource(path, list(forward), len(forward), {side: reader(side) for side in order})
+    taken = [f for named in files.values() for f in named.values()]
+    rest = [others(path, [*taken, *folders.values()]), *(others(f, taken) for f in folders.values())]
+    return FlowSource(
+        path, list(forward), len(forward), {side: reader(side) for side in order}, sum(rest, Counter())
+    )
 
 
 def _both(file: Path) -> bool:

@@ -1,7 +1,7 @@
 """Files of optical flow: .flo, KITTI png, .npy, .npz.
 
 Conventions (README of Middlebury's flow-code; devkit of KITTI 2015): x to the right, then y down, in pixels
-of the grid; .flo: float32, a component above 1e9 is unknown; KITTI: 16 bits, ``(value - 32768) / 64``, third
+of the grid; .flo: float32, a component above 1e9, or NaN as many write it, is unknown; KITTI: 16 bits, ``(value - 32768) / 64``, third
 channel 0 where unknown.
 """
 
@@ -26,7 +26,7 @@ MAGIC, HEAD = b"PIEH", 12
 """Of .flo files: how they begin, and bytes before the numbers."""
 
 UNKNOWN = 1e9
-"""Components of .flo files above it are unknown."""
+"""Components of .flo files above it are unknown, and what is no number."""
 
 ZERO, STEP = 32768, 64
 """KITTI: what stands for no motion, and steps a pixel."""
@@ -72,7 +72,7 @@ def _read_flo(path: Path) -> Flow:
         raise FormatError(f"{path}: {error}; make it smaller") from error
     except DAMAGED as error:
         raise FormatError(f"{path}: is damaged, or no .flo ({error}); make the file anew") from error
-    unknown = np.isfinite(found) & (np.abs(found) > UNKNOWN)
+    unknown = ~(np.abs(found) <= UNKNOWN)  # NaN too
     flow = as_flow(np.where(unknown, 0, found), str(path))
     flow[:, unknown.any(-1)] = np.nan
     return flow

@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from zsmoseg.errors import FormatError
+from zsmoseg.formats.binary import refuse_binary
 from zsmoseg.formats.label_images import image_size, read_labels
-from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, refuse_binary, text
+from zsmoseg.formats.names import others
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, text
 
 
 class IndexedFolder(MaskSource):
@@ -21,6 +23,7 @@ class IndexedFolder(MaskSource):
                 )
         super().__init__(folder, [file.stem for file in files], len(files), size, ids=True)
         self._files = files
+        self.left_out += others(folder, files)
         refuse_binary((str(file), self._read(i).label) for i, file in enumerate(files))
 
     def _read(self, index: int) -> FrameMasks:

@@ -40,19 +40,24 @@ def read_numbers(path: Path) -> NDArray[Any]:
     FormatError
         Not an image, damaged, or in colour.
     """
-    values = read_values(path)
-    if values.ndim == 2:
-        return values
-    colour = values[..., : values.shape[2] - 1] if values.shape[2] in (2, 4) else values
-    if (colour != colour[..., :1]).any():
+    values = one_channel(read_values(path))
+    if values is None:
         raise FormatError(
             f"{path}: is a colour image; ids are expected: save it with a palette, or in grey (value = id)"
         )
-    return np.ascontiguousarray(colour[..., 0])
+    return values
 
 
-def read_values(path: Path) -> NDArray[Any]:
-    """The values of an image as they are: (H, W), of a colour image (H, W, channels).
+def one_channel(values: NDArray[Any]) -> NDArray[Any] | None:
+    """(H, W) of an image with or without channels; None where they differ. Alpha does not count."""
+    if values.ndim == 2:
+        return values
+    colour = values[..., : values.shape[2] - 1] if values.shape[2] in (2, 4) else values
+    return None if (colour != colour[..., :1]).any() else np.ascontiguousarray(colour[..., 0])
+
+
+def read_values(path: Path, shown: bool = False) -> NDArray[Any]:
+    """The values of an image as they are: (H, W), of a colour image (H, W, channels); ``shown``: colours for a palette.
 
     Raises
     ------
@@ -61,7 +66,7 @@ def read_values(path: Path) -> NDArray[Any]:
     """
     try:
         with open_image(path) as image:
-            return np.asarray(image)
+            return np.asarray(image.convert("RGB") if shown and image.mode == "P" else image)
     except DAMAGED as error:
         raise _no_image(path, error) from error
 

@@ -6,7 +6,7 @@
 | .npz or .npy with one array (frame, y, x) (``volumes``) | for the whole video | cannot be |
 | .npz with frame, score, packed, size (``volumes``) | none | higher score on top |
 | folder of proposals_<frame>.npz (``volumes``) | none | higher score on top |
-| COCO JSON (``coco``) | if all annotations have a track_id or instance_id | higher score, else the smaller, on top |
+| COCO JSON (``coco``) | if all annotations (or their attributes) have a track_id or instance_id | higher score, else the smaller, on top |
 | YouTube-VIS JSON (``ytvis``) | for the whole video | higher score, else the smaller, on top |
 """
 
@@ -76,6 +76,10 @@ def _open_json(path: Path, name: str | None) -> MaskSource:
         return Tracks(path, content, name)
     if isinstance(content, dict) and "images" in content:
         return CocoImages(path, content, name)
+    if isinstance(content, list) and content and all(isinstance(entry, dict) for entry in content):
+        raise FormatError(
+            f"{path}: is a list of results, which names no images; give them as the annotations of a file with images"
+        )
     raise FormatError(
         f"{path}: is neither COCO (images, annotations) nor YouTube-VIS (videos, annotations) JSON"
     )

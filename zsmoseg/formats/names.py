@@ -1,9 +1,10 @@
-"""Which file belongs to which video, which entry to which frame; names that must stay in their folder."""
+"""Which file belongs to which video; names that must stay in their folder."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 from zsmoseg.errors import FormatError
@@ -21,6 +22,11 @@ SHOWN = 80
 
 DIGITS = 18
 """Of the number of a frame at most; longer ones are hashes."""
+
+OTHERS = "other files and folders beside them"
+"""What is left out of a folder."""
+SYSTEM = ("thumbs.db", "desktop.ini")
+"""Files that systems put into folders."""
 
 SIDES = ("forward", "backward")
 """Folders of flow."""
@@ -75,6 +81,12 @@ def frame_files(folder: Path, endings: Iterable[str] = FRAME) -> list[Path]:
     return sorted(files, key=lambda p: natural(p.name))
 
 
+def others(folder: Path, taken: Iterable[Path]) -> Counter[str]:
+    """How many files and folders of a folder are not taken; hidden ones and those of systems do not count."""
+    seen = {p for p in folder.iterdir() if not p.name.startswith(".") and p.name.lower() not in SYSTEM}
+    return +Counter({OTHERS: len(seen - set(taken))})
+
+
 def inside(name: str, where: str) -> PurePosixPath:
     """A relative path that stays in its folder; else a ``FormatError`` that begins with ``where``."""
     try:
@@ -83,72 +95,6 @@ def inside(name: str, where: str) -> PurePosixPath:
         raise FormatError(
             f"{where}: the name {name[:SHOWN]!r} {error}; use a relative one without '..'"
         ) from error
-
-
-def match_frames(
-    entries: Sequence[str] | range | int, names: Sequence[str], where: str | Path = "the source"
-) -> list[int | None]:
-    """Which entry of a source belongs to each frame of a video.
-
-    Parameters
-    ----------
-    entries
-        Names of the entries: the frame of the same name, else the one whose name ends in the same integer
-        (``00012`` and ``frame12``). Without names: their number, which must be that of the frames, or the
-        range of the frames that they are.
-    names
-        Of the frames of the video (of flow: all but the last).
-    where
-        What an error begins with.
-
-    Returns
-    -------
-    For each frame the index of its entry, None where it has none.
-
-    Raises
-    ------
-    FormatError
-        If an entry belongs to no frame, or two to one.
-
-    Examples
-    --------
-    >>> match_frames(["frame2", "frame1"], ["00001", "00002", "00003"])
-    [1, 0, None]
-    """
-    if isinstance(entries, int):
-        if entries != len(names):
-            raise FormatError(
-                f"{where}: holds {entries} entries without names for {len(names)} frames; give one for each"
-            )
-        return list(range(entries))
-    if isinstance(entries, range):
-        if entries and entries[-1] >= len(names):
-            raise FormatError(
-                f"{where}: frame {entries[-1]} is beyond the last of the video ({len(names)} frames)"
-            )
-        return [entries.index(t) if t in entries else None for t in range(len(names))]
-    return _match_names(entries, names, where)
-
-
-def _match_names(entries: Sequence[str], names: Sequence[str], where: str | Path) -> list[int | None]:
-    exact = {name: t for t, name in enumerate(names)}
-    numbers = [frame_number(name) for name in names]
-    numbered = {n: t for t, n in enumerate(numbers) if n is not None and numbers.count(n) == 1}
-    out: list[int | None] = [None] * len(names)
-    for i, entry in enumerate(entries):
-        number = frame_number(entry)
-        t = exact.get(entry, None if number is None else numbered.get(number))
-        if t is None:
-            raise FormatError(
-                f"{where}: {entry} belongs to no frame of the video ({names[0]} to {names[-1]}); rename or remove it"
-            )
-        other = out[t]
-        if other is not None:
-            raise FormatError(
-                f"{where}: {entries[other]} and {entry} both belong to frame {names[t]}; keep one"
-            )
-        out[t] = i
-    return out
 
 
 def frame_number(name: str) -> int | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +31,14 @@ class FrameMasks:
         Pixels of masks that lie under another one.
     score
         (K,) float32, entry ``k`` that of the label ``k + 1``, NaN where it has none; None without scores.
+    left_out
+        What of the file is not in them: how many of what, in words.
     """
 
     label: NDArray[np.uint16]
     hidden: int = 0
     score: NDArray[np.float32] | None = None
+    left_out: Counter[str] = field(default_factory=Counter)
 
 
 class MaskSource(ABC):
@@ -52,12 +56,21 @@ class MaskSource(ABC):
         (H, W) of all of them.
     ids
         Whether labels are ids over the whole video; else numbers within each frame.
+
+    Attributes
+    ----------
+    left_out
+        What of the file belongs to no frame: how many of what, in words.
+    notes
+        How the file was understood where that is not plain.
     """
 
     def __init__(
         self, path: Path, frames: list[str] | None, count: int, size: tuple[int, int], ids: bool
     ) -> None:
         self.path, self.frames, self.count, self.size, self.ids = path, frames, count, size, ids
+        self.left_out: Counter[str] = Counter()
+        self.notes: list[str] = []
 
     @property
     def entries(self) -> Sequence[str] | range | int:
@@ -90,6 +103,7 @@ def stack(
     size: tuple[int, int],
     numbers: Sequence[int] | None = None,
     scores: Sequence[float] | None = None,
+    left_out: Counter[str] | None = None,
 ) -> FrameMasks:
     """Lay masks on each other: the higher score on top; without scores the smaller one.
 
@@ -98,6 +112,7 @@ def stack(
     masks : (H, W) each.
     numbers : label of each, 1.. in order where not given.
     scores : of each; of equal ones (and areas) the lower number is on top.
+    left_out : see ``FrameMasks``.
     """
     given = list(range(1, len(masks) + 1)) if numbers is None else list(numbers)
     areas = [int(np.count_nonzero(mask)) for mask in masks]
@@ -109,7 +124,7 @@ def stack(
     if scores is not None:
         by_label = np.full(max(given, default=0), np.nan, np.float32)
         by_label[[n - 1 for n in given]] = scores
-    return FrameMasks(label, sum(areas) - int(np.count_nonzero(label)), by_label)
+    return FrameMasks(label, sum(areas) - int(np.count_nonzero(label)), by_label, left_out or Counter())
 
 
 def refuse_many(count: int, size: tuple[int, int], where: str, highest: int = 0) -> None:
@@ -145,24 +160,10 @@ def as_ids(values: NDArray[Any], size: tuple[int, int], where: str) -> NDArray[n
     return values.astype(np.uint16)
 
 
-def refuse_binary(images: Iterable[tuple[str, NDArray[np.uint16]]]) -> None:
-    """Raise ``FormatError`` if no image holds anything but 0 and 255; looks no further than needed.
-
-    Parameters
-    ----------
-    images : where and (H, W) of each frame.
-    """
-    first = None
-    for where, image in images:
-        on = image > 0
-        if np.any(image[on] != 255):
-            return
-        first = first or (where if on.any() else None)
-    if first:
-        raise FormatError(
-            f"{first}: holds only 0 and 255, as all frames do: a binary mask, where ids are expected; "
-            "number the objects 1, 2, ... (1 for all that is 255 if it is one object)"
-        )
+def left_out_words(left_out: Mapping[str, int]) -> str:
+    """What was left out, how many of each: goes on with a sentence; nothing where nothing was."""
+    found = ", ".join(f"{what} ({count})" for what, count in sorted(left_out.items()) if count)
+    return f"; left out: {found}" if found else ""
 
 
 def text(size: Sequence[int]) -> str:

@@ -14,6 +14,8 @@ from zsmoseg.errors import FormatError
 
 BITS = 35
 """Of a run at most, with its sign: seven characters."""
+STROKES = (0, 2, 4)
+"""Numbers of a polygon of fewer than three points."""
 BORDER = 1 << 21
 """px of the border of a polygon at most; drawing takes about 100 bytes for each."""
 
@@ -34,14 +36,18 @@ def box(rle: dict[str, Any]) -> list[float]:
     return [float(value) for value in coco.toBbox(rle)]
 
 
-def decode(segmentation: Any, size: tuple[int, int], where: str) -> NDArray[np.bool_]:
-    """A mask (H, W) from run lengths (compressed or not) or a list of polygons.
+def decode(segmentation: Any, size: tuple[int, int], where: str) -> tuple[NDArray[np.bool_] | None, int]:
+    """A mask (H, W) from run lengths (compressed or not) or a list of polygons, None where nothing is drawn.
 
     Parameters
     ----------
     segmentation : as in the JSON.
     size : (H, W) of the image.
     where : begins the errors.
+
+    Returns
+    -------
+    The mask, and how many polygons of fewer than three points were left out: they have no inside.
 
     Raises
     ------
@@ -54,12 +60,24 @@ def decode(segmentation: Any, size: tuple[int, int], where: str) -> NDArray[np.b
                 f"{where}: the run lengths are of {segmentation['size']}, the image is {list(size)}; "
                 "encode the masks in its size"
             )
-    elif not isinstance(segmentation, list) or not segmentation:
+        drawn: Any = segmentation
+    elif isinstance(segmentation, list):
+        drawn = [polygon for polygon in segmentation if not _is_stroke(polygon)]
+    else:
         raise FormatError(f"{where}: the segmentation is neither run lengths nor polygons")
     try:
-        return _decode(segmentation, size)
+        return (_decode(drawn, size) if drawn else None), len(segmentation) - len(drawn)
     except Exception as error:  # pycocotools raises plain ones too
         raise FormatError(f"{where}: the segmentation is damaged ({error}); write the file anew") from error
+
+
+def _is_stroke(polygon: Any) -> bool:
+    """Whether a polygon has fewer than three points."""
+    return (
+        isinstance(polygon, list)
+        and len(polygon) in STROKES
+        and all(isinstance(value, int | float) for value in polygon)
+    )
 
 
 def _decode(segmentation: Any, size: tuple[int, int]) -> NDArray[np.bool_]:

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
+from zsmoseg.formats.binary import refuse_binary
+from zsmoseg.formats.names import others
 from zsmoseg.formats.npy import Rows, load, only_key
-from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, refuse_binary, refuse_many, stack, text
+from zsmoseg.formats.overlaps import FrameMasks, MaskSource, as_ids, refuse_many, stack, text
 from zsmoseg.video.bounds import TooLarge, check_size
 
 PREFIX = "proposals_"
@@ -77,6 +79,7 @@ class ProposalFolder(MaskSource):
         size = self._load(files[0])[1]
         super().__init__(folder, [f.stem.removeprefix(PREFIX) for f in files], len(files), size, ids=False)
         self._files = files
+        self.left_out += others(folder, files)
 
     @staticmethod
     def _load(file: Path) -> tuple[dict[str, NDArray[Any]], tuple[int, int]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
-from zsmoseg.formats.annotations import Entry, choose_video, entries, field, score_of, size_of
+from zsmoseg.formats.annotations import STROKES, Entry, choose_video, entries, field, score_of, size_of
 from zsmoseg.formats.coco import categories_of_ids, dump
 from zsmoseg.formats.names import inside
 from zsmoseg.formats.overlaps import FrameMasks, MaskSource, refuse_many, stack
@@ -30,11 +31,13 @@ class Tracks(MaskSource):
         files = field(chosen, "file_names", list, where)
         frames = [inside(str(file), where).stem for file in files]
         super().__init__(path, frames, len(frames), size_of(chosen, where), ids=True)
+        everything = entries(content, "annotations", path)
         found = [
             a
-            for a in entries(content, "annotations", path)
+            for a in everything
             if field(a, "video_id", int, f"{path}, annotation {a['id']}") == chosen["id"]
         ]
+        self.left_out += Counter({"annotations of other videos": len(everything) - len(found)})
         self._tracks = sorted(found, key=lambda a: int(a["id"]))
         self._scored = bool(found) and all("score" in a for a in found)
         for track in self._tracks:
@@ -50,12 +53,14 @@ class Tracks(MaskSource):
         where = f"{self.path}, {self.frames[index]}"
         seen = [(n, t) for n, t in enumerate(self._tracks, 1) if t["segmentations"][index] is not None]
         refuse_many(len(seen), self.size, where, max((n for n, _ in seen), default=0))
-        masks = [
-            rle.decode(t["segmentations"][index], self.size, f"{where}, annotation {t['id']}")
-            for _, t in seen
+        drawn = [
+            (n, t, *rle.decode(t["segmentations"][index], self.size, f"{where}, annotation {t['id']}"))
+            for n, t in seen
         ]
-        scores = [score_of(t, where) for _, t in seen] if self._scored else None
-        return stack(masks, self.size, [n for n, _ in seen], scores)
+        kept = [(n, t, mask) for n, t, mask, _ in drawn if mask is not None]
+        scores = [score_of(t, where) for _, t, _ in kept] if self._scored else None
+        left_out = Counter({STROKES: sum(n for *_, n in drawn)})
+        return stack([m for *_, m in kept], self.size, [n for n, *_ in kept], scores, +left_out)
 
 
 def _name(video: Entry, path: Path) -> str:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from zsmoseg.grouping.affinity import ShotAffinity
 from zsmoseg.grouping.clustering import Count, Labels
-from zsmoseg.grouping.instances import Joining, nearness
+from zsmoseg.grouping.decisions import Reason, reasons_of_kept, reasons_of_linkage
+from zsmoseg.grouping.instances import Joining, Nearness, nearness
 from zsmoseg.grouping.numbering import connected, renumbered
 from zsmoseg.grouping.pieces import Pieces
 from zsmoseg.grouping.remarks import remarks
@@ -48,7 +49,7 @@ class ShotGroups:
     group: Labels
     """(N,) 0 = static, 1.. by falling size."""
     instance: Labels
-    """(N,) 0 = static, 1.. by falling size."""
+    """(N,) the largest object of the instance that it belongs to; 0 = static."""
     moving: NDArray[np.bool_]
     """(T, N) whether an object moves at a frame."""
     margin: NDArray[np.float32]
@@ -59,6 +60,8 @@ class ShotGroups:
     """(N,) px, what of it is tolerated; tolerance / (tolerance + excess) is the affinity with the world."""
     eigenvalues: Floats
     """Of the normalised affinity of the objects that are seen, the largest first."""
+    reason: Labels
+    """(N,) what decided, a ``Reason``."""
     warnings: list[str] = field(default_factory=list)
 
 
@@ -76,22 +79,24 @@ def group_shot(
     """
     area, seen = pieces.area.sum(0).astype(np.float64), np.greater(pieces.area, 0)
     support = np.append(0.0, area[1:])
+    excess, tolerance = means_against_world(found)
+    world = tolerance / (tolerance + excess)
+
+    def near_to(wanted: NDArray[np.bool_]) -> Nearness:
+        return nearness(pieces, velocity, shape, np.flatnonzero(wanted), grouping.joining)
+
     if grouping.rule == "linkage":
         chosen = members(found, seen, support, grouping.membership)
-        near = nearness(
-            pieces, velocity, shape, np.flatnonzero(chosen.strong | chosen.open), grouping.joining
-        )
+        near = near_to(chosen.strong | chosen.open)
         group = linked_groups(found, chosen, near, support, grouping.membership)
+        reason = reasons_of_linkage(found, chosen, group, world, grouping.membership)
+    elif grouping.rule == "spectral":
+        group = spectral_groups(found.affinity, area, grouping.count, grouping.spectral)
+        near, reason = near_to(group > 0), np.full_like(group, Reason.CLUSTERS)
     else:
-        by_affinity = grouping.rule == "spectral"
-        group = (
-            spectral_groups(found.affinity, area, grouping.count, grouping.spectral)
-            if by_affinity
-            else kept_groups(support, grouping.count)
-        )
-        near = nearness(pieces, velocity, shape, np.flatnonzero(group > 0), grouping.joining)
+        group = kept_groups(support, grouping.count)
+        near, reason = near_to(group > 0), reasons_of_kept(group, grouping.count)
     group = renumbered(group, support)
-    excess, tolerance = means_against_world(found)
     by_pair, against = found.excess / found.tolerance, excess / tolerance
     moving, margin = motion_state(by_pair, against, group, len(pieces.area), grouping.hysteresis)
     return ShotGroups(
@@ -102,13 +107,8 @@ def group_shot(
         excess,
         tolerance,
         eigenvalues(found.affinity, area),
-        remarks(
-            seen[:, 1:],
-            group,
-            grouping.count,
-            world=bool(np.isfinite(found.excess).any()),
-            inferred=grouping.rule == "spectral",
-        ),
+        reason,
+        list(remarks(seen[:, 1:], group, grouping.count, bool(np.isfinite(found.excess).any()))),
     )
 
 

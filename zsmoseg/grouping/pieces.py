@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import cv2
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.compiling import compiled
 from zsmoseg.motion.statistics import slots
 
 LIGHT, HUES = 8, 6
@@ -53,7 +53,7 @@ def measure_pieces(label: NDArray[np.integer], frames: NDArray[np.uint8], ids: N
     return Pieces(area, box, colour)
 
 
-@nb.njit(cache=True)
+@compiled
 def _measure(
     slot: NDArray[Any], lab: NDArray[Any], colour: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -1,17 +1,30 @@
-"""What deserves a word about the groups of a shot."""
+"""What deserves a warning about the groups of a shot: what somebody can do something about, and what that is."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.grouping.clustering import Count, Labels
 
+NOTHING = (
+    "no object stands out from the camera's motion: everything is static; if something does move, bring masks of it "
+    "(--proposals), or have smaller things proposed (zsmoseg settings objects)"
+)
+RESTING = (
+    "no object moves against the background: the whole frame moves as one; zsmoseg explain says why, "
+    "--groups 2 takes the likeliest object as moving"
+)
+NO_WORLD = (
+    "no pair of frames shows a static world behind the objects: what moves by itself cannot be told; "
+    "bring masks that leave the background free, or have all of them move (--set groups.rule=keep)"
+)
 
-def remarks(seen: NDArray[np.bool_], group: Labels, count: Count, world: bool, inferred: bool) -> list[str]:
-    """One sentence each.
+
+def remarks(seen: NDArray[np.bool_], group: Labels, count: Count, world: bool) -> Iterator[str]:
+    """The warnings about one shot, or one window of it.
 
     Parameters
     ----------
@@ -19,44 +32,37 @@ def remarks(seen: NDArray[np.bool_], group: Labels, count: Count, world: bool, i
     group : (N,) 0 = static.
     count : the number of groups asked for.
     world : whether any pair of frames shows a static world behind the objects.
-    inferred : whether the groups come from an affinity, which is inferred where objects are never seen together.
     """
     if not seen.any():
-        return ["no object stands out from the camera's motion: everything is static"]
-    return [
-        *_of_objects(seen.sum(0)),
-        *(() if world else _of_no_world()),
-        *_of_groups(seen, group, count),
-        *(_of_affinity(seen) if inferred else ()),
-    ]
+        yield NOTHING
+        return
+    if not world:
+        yield NO_WORLD
+    elif count == "auto" and not group.any():
+        yield RESTING
+    if count != "auto" and count > len(np.unique(group)):
+        yield f"{count} groups asked for, but there are too few objects; ask for fewer (--groups)"
 
 
-def _of_objects(frames: NDArray[np.int64]) -> Iterator[str]:
-    objects, brief = int((frames > 0).sum()), int((frames == 1).sum())
-    if objects == 1:
-        yield "there is one object only"
-    if brief:
-        yield f"{brief} of {objects} objects are seen in one frame only, which proves no motion"
+def together(found: Sequence[tuple[Sequence[str], str]]) -> list[str]:
+    """The warnings of a video, each once: where some windows have it, they are named before it.
+
+    That nothing moves is worth one only where it is so in the whole video.
+
+    Parameters
+    ----------
+    found : of each window its warnings, and its name.
+    """
+    places: dict[str, list[str]] = {}
+    for warnings, place in found:
+        for text in warnings:
+            places.setdefault(text, []).append(place)
+    still = [text for text in (RESTING, NOTHING) if text in places]
+    whole = still[:1] if sum(len(places[text]) for text in still) == len(found) else []
+    rest = {text: where for text, where in places.items() if text not in still}
+    return [*whole, *_placed(rest, len(found))]
 
 
-def _of_no_world() -> Iterator[str]:
-    yield "no pair of frames shows a static world behind the objects: what moves by itself cannot be told"
-
-
-def _of_groups(seen: NDArray[np.bool_], group: Labels, count: Count) -> Iterator[str]:
-    groups = len(np.unique(group))
-    if count != "auto" and count > groups:
-        yield (
-            f"{count} groups asked for, but there are {int(seen.any(0).sum())} objects and the background: "
-            f"{groups} groups"
-        )
-    if count == "auto" and not group.any():
-        yield "no object moves against the background: the whole frame moves as one"
-
-
-def _of_affinity(seen: NDArray[np.bool_]) -> Iterator[str]:
-    present = seen.any(0)
-    together = (seen.T.astype(np.int64) @ seen > 0)[present][:, present]
-    apart = int(np.count_nonzero(~together)) // 2
-    if apart:
-        yield f"{apart} pairs of objects are never seen together: their affinity is inferred"
+def _placed(places: Mapping[str, Sequence[str]], windows: int) -> Iterator[str]:
+    for text, where in places.items():
+        yield text if len(where) == windows else f"{', '.join(where)}: {text}"

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.compiling import compiled
 from zsmoseg.motion.models import SIZE
 
 Array = NDArray[Any]
 
 
-@nb.njit(cache=True)
+@compiled
 def gram_matrices(slot: Array, x: Array, y: Array, q: Array, u: Array, v: Array, count: int) -> Array:
     """Sums of products (count, 11, 11) of the monomials and the flow, by slot.
 
@@ -49,7 +49,7 @@ def gram_matrices(slot: Array, x: Array, y: Array, q: Array, u: Array, v: Array,
     return gram
 
 
-@nb.njit(cache=True)
+@compiled
 def _run_sums(x: Array, q: Array, u: Array, v: Array) -> tuple[float, ...]:
     """Sums along one run: of powers of x (5), times q (4), times q^2 (3), times u and v (6), times q u and q v (4),
     of u^2, v^2 and u v.
@@ -96,7 +96,7 @@ def _run_sums(x: Array, q: Array, u: Array, v: Array) -> tuple[float, ...]:
     )  # fmt: skip
 
 
-@nb.njit(cache=True)
+@compiled
 def _add_run(gram: Array, y: float, sums: tuple[float, ...]) -> None:
     """Add the sums of one run to the upper triangle of the Gram matrix of its slot."""
     x0, x1, x2, x3, x4, q0, q1, q2, q3, p0, p1, p2, u0, u1, u2, v0, v1, v2, s0, s1, t0, t1, uu, vv, uv = sums

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
+
+from zsmoseg.compiling import compiled
 
 Array = NDArray[Any]
 EXACT = 1e-10
 """Part of the right side that may be left unsolved: its square is what the cost is wrong by."""
 
 
-@nb.njit(cache=True)
+@compiled
 def least_costs(left: Array, goal: Array, constant: Array, pixels: Array, ridge: float, steps: int) -> Array:
     """Sums of squared residuals (N,) of the best motion of each object; parameters as in ``union_costs``."""
     count, size = goal.shape
@@ -34,7 +35,7 @@ def least_costs(left: Array, goal: Array, constant: Array, pixels: Array, ridge:
     return out
 
 
-@nb.njit(cache=True)
+@compiled
 def union_costs(left: Array, goal: Array, constant: Array, pixels: Array, ridge: float, steps: int) -> Array:
     """Sums of squared residuals (N, N) of the best motion of two objects together; nothing on the diagonal.
 
@@ -59,7 +60,7 @@ def union_costs(left: Array, goal: Array, constant: Array, pixels: Array, ridge:
     return out
 
 
-@nb.njit(cache=True)
+@compiled
 def _gain(
     matrix: Array, right: Array, ridge: float, steps: int, factor: Array, rest: Array, x: Array
 ) -> float:
@@ -85,7 +86,7 @@ def _gain(
     return gain
 
 
-@nb.njit(cache=True)
+@compiled
 def _product(matrix: Array, row: int, x: Array) -> float:
     """A row of a product; a call of BLAS takes longer than eight multiplications."""
     total = 0.0
@@ -94,7 +95,7 @@ def _product(matrix: Array, row: int, x: Array) -> float:
     return total
 
 
-@nb.njit(cache=True)
+@compiled
 def _cholesky(matrix: Array, ridge: float, factor: Array) -> None:
     """The lower triangle with factor @ factor.T = matrix + ridge, the reciprocals of its diagonal on it.
 
@@ -113,7 +114,7 @@ def _cholesky(matrix: Array, ridge: float, factor: Array) -> None:
         factor[r, r] = 1.0 / np.sqrt(max(total, ridge))
 
 
-@nb.njit(cache=True)
+@compiled
 def _solve(factor: Array, right: Array) -> None:
     """``right`` becomes the solution, by forward and backward substitution."""
     size = len(right)

@@ -87,6 +87,9 @@ class Depth(Brought):
     model: str = setting(
         "", "the network: its name (zsmoseg models) or folder", "", ("source", "network"), ("depth",)
     )
-    kind: Literal["", "depth", "inverse-depth"] = setting(
-        "", "what the imported numbers are: larger = farther, or larger = nearer", "", ("source", "imported")
+    kind: Literal["", "depth", "inverse-depth", "disparity"] = setting(
+        "",
+        "what the imported numbers are: larger = farther; larger = nearer; the same, 0 and less unknown",
+        "",
+        ("source", "imported"),
     )

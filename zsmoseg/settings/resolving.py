@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from math import isfinite
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from pydantic import ValidationError
@@ -84,7 +84,7 @@ def resolve(
             problems.append(f"{name}={value} {GONE_VALUES[name, str(value)]}")
         elif name in known:
             section, field = name.split(".", 1)
-            tree.setdefault(section, {})[field] = value
+            tree.setdefault(section, {})[field] = str(value) if isinstance(value, PurePath) else value
         else:
             problems.append(f"{name} {GONE[name]}" if name in GONE else unknown(name))
     try:

@@ -6,7 +6,7 @@ from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 from zsmoseg.networks.references import digest_of
 
@@ -41,6 +41,17 @@ class Section(BaseModel):
     """Settings that are read together."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_for_number(cls, value: Any, info: ValidationInfo) -> Any:
+        """True is no 1, though Python takes it for one."""
+        each = value if isinstance(value, list | tuple) else [value]
+        if cls.model_fields[str(info.field_name)].annotation is not bool and any(
+            isinstance(one, bool) for one in each
+        ):
+            raise ValueError("a truth value")
+        return value
 
     def active(self) -> dict[str, Any]:
         """The settings that act: those of a backend or rule that is not chosen are left out.

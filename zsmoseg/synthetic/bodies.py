@@ -5,7 +5,9 @@ The unit of length is that of the scene; the camera looks along z, x right, y do
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import cv2
@@ -28,6 +30,8 @@ APART = 1.25
 """Sums of their radii that movers keep from each other."""
 EVEN = 1.3
 """Ratio of the fastest to the slowest mover, against the wall, that is not exceeded."""
+NEARLY = 0.9
+"""Of its speed against what stands still at its depth that a mover has at least against the wall."""
 TRIES = 5000
 """Paths drawn before a demand is called impossible."""
 COLOURS = ((50, 60, 205), (205, 110, 40), (40, 190, 215), (170, 60, 175), (60, 185, 70))
@@ -35,6 +39,8 @@ COLOURS = ((50, 60, 205), (205, 110, 40), (40, 190, 215), (170, 60, 175), (60, 1
 
 Pose = tuple[Floats, Floats]
 """Rotation (3, 3) and place (3,) of a body in front of the camera."""
+Paths = tuple[Floats, Floats, Floats]
+"""Places (movers, T, 3), their depths (movers, T), and radii over half the frame's width (movers,)."""
 
 
 @dataclass(frozen=True)
@@ -110,21 +116,13 @@ def still_body(rng: np.random.Generator, world: list[Pose]) -> Body:
     return Body(fixed(world, about(rng.normal(0, 0.3, 3)), place), size, texture(rng, colour, 20), 0)
 
 
-def moving_bodies(
-    rng: np.random.Generator, world: list[Pose], movers: int, aspect: float, speed: float
-) -> list[Body]:
-    """Movers on straight paths relative to the camera, drawn until all demands of ``video_scene`` are met.
-
-    Parameters
-    ----------
-    aspect : height over width of the frame.
-    speed : least speed, hundredths of half the frame's width a frame.
-    """
-    if not movers:
+def moving_bodies(rng: np.random.Generator, world: list[Pose], paths: Paths | None) -> list[Body]:
+    """Movers on ``paths``, which turn a little."""
+    if paths is None:
         return []
-    place, depth, radius = _paths(rng, world, movers, aspect, speed)
+    place, depth, radius = paths
     bodies = []
-    for k in range(movers):
+    for k in range(len(place)):
         start, spin = rng.normal(0, 0.25, 3), rng.normal(0, 0.004, 3) * np.array([1, 1, 2])
         poses = [(about(spin * t) @ about(start), place[k, t]) for t in range(len(world))]
         lobes = (rng.uniform(0.0, 0.14), float(rng.integers(2, 5)), rng.uniform(0, 2 * np.pi))
@@ -134,10 +132,18 @@ def moving_bodies(
     return bodies
 
 
-def _paths(
+def even_paths(
     rng: np.random.Generator, world: list[Pose], movers: int, aspect: float, speed: float
-) -> tuple[Floats, Floats, Floats]:
-    """Places (movers, T, 3), their depths (movers, T), and radii over half the frame's width (movers,)."""
+) -> Paths | None:
+    """Straight relative to the camera, drawn until all demands of ``video_scene`` are met.
+
+    Parameters
+    ----------
+    aspect : height over width of the frame.
+    speed : least speed, hundredths of half the frame's width a frame.
+    """
+    if not movers:
+        return None
     frames = len(world)
     for _ in range(TRIES):
         z = rng.uniform(4.0, 5.5, (movers, 2))
@@ -146,10 +152,68 @@ def _paths(
         image = rng.uniform(-1, 1, (movers, 2, 2)) * room
         path = np.linspace(image[:, 0], image[:, 1], frames, axis=1)
         depth = np.linspace(z[:, 0], z[:, 1], frames, axis=1)
-        place = np.concatenate([path * HALF_VIEW, np.ones((movers, frames, 1))], 2) * depth[..., None]
+        place = _at(path, depth)
         if _demands(world, place, path, radius, speed / 100):
             return place, depth, radius
     raise ValueError(f"no scene has {movers} movers of speed {speed:g}; ask for fewer or slower ones")
+
+
+def uneven_paths(
+    rng: np.random.Generator, world: list[Pose], speeds: Sequence[float], aspect: float
+) -> Paths:
+    """Straight on top of what stands still at their depth, each of its own speed against that.
+
+    Parameters
+    ----------
+    speeds : hundredths of half the frame's width a frame, one for each mover.
+    """
+    movers = len(speeds)
+    path, depth, radius = np.zeros((movers, len(world), 2)), np.zeros((movers, len(world))), np.zeros(movers)
+    done: list[int] = []
+    for k in np.argsort(speeds)[::-1].tolist():
+        for _ in range(TRIES):
+            radius[k], depth[k] = rng.uniform(0.15, 0.2), rng.uniform(4.0, 5.5)
+            room = np.array([1, aspect]) - MARGIN * radius[k]
+            path[k] = _path(
+                world, rng.uniform(-1, 1, 2) * room, rng.uniform(0, 2 * np.pi), speeds[k], depth[k]
+            )
+            place = _at(path[k : k + 1], depth[k : k + 1])
+            far = path[k, 1:] - _carried(world, place * (WALL / place[..., 2:]))[0]
+            moves = (np.linalg.norm(far, axis=1) >= NEARLY * speeds[k] / 100).all()
+            if (
+                moves
+                and (np.abs(path[k]) <= room).all()
+                and _keep_apart(path[[*done, k]], radius[[*done, k]])
+            ):
+                break
+        else:
+            raise ValueError(
+                f"no scene has movers of the speeds {tuple(speeds)}; ask for fewer frames or slower ones"
+            )
+        done.append(k)
+    return _at(path, depth), depth, radius
+
+
+def _path(world: list[Pose], start: Floats, angle: float, speed: float, depth: Floats) -> Floats:
+    """(T, 2) from ``start``, half widths: what stands still at the depths (T,), and a step of its own a frame."""
+    step = speed / 100 * np.array([np.cos(angle), np.sin(angle)])
+    path = [start]
+    for t in range(len(world) - 1):
+        path.append(_carried(world[t : t + 2], _at(path[-1][None, None], depth[None, :1]))[0, 0] + step)
+    return np.stack(path)
+
+
+def _at(image: Floats, depth: Floats) -> Floats:
+    """(..., 3) the points seen at ``image`` (..., 2), in half widths, at a depth (...)."""
+    return np.concatenate([image * HALF_VIEW, np.ones((*depth.shape, 1))], -1) * depth[..., None]
+
+
+def _keep_apart(path: Floats, radius: Floats) -> bool:
+    """Whether movers on paths (movers, T, 2) never come near each other."""
+    pairs = combinations(range(len(path)), 2)
+    return all(
+        (np.linalg.norm(path[i] - path[j], axis=1) >= APART * (radius[i] + radius[j])).all() for i, j in pairs
+    )
 
 
 def _demands(world: list[Pose], place: Floats, path: Floats, radius: Floats, speed: float) -> bool:
@@ -165,13 +229,9 @@ def _demands(world: list[Pose], place: Floats, path: Floats, radius: Floats, spe
     pace = np.linalg.norm(far, axis=2).mean(1)
     if pace.max() > EVEN * pace.min():
         return False
-    for i in range(len(path)):
-        for j in range(i):
-            if (np.linalg.norm(path[i] - path[j], axis=1) < APART * (radius[i] + radius[j])).any():
-                return False
-            if np.linalg.norm((own[i] - own[j]).mean(0)) < speed:
-                return False
-    return True
+    pairs = combinations(range(len(path)), 2)
+    apart = all(np.linalg.norm((own[i] - own[j]).mean(0)) >= speed for i, j in pairs)
+    return apart and _keep_apart(path, radius)
 
 
 def _carried(world: list[Pose], place: Floats) -> Floats:

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
-from zsmoseg.synthetic.bodies import Body, moving_bodies, still_body, surroundings, travel
+from zsmoseg.synthetic.bodies import (
+    Body,
+    Paths,
+    even_paths,
+    moving_bodies,
+    still_body,
+    surroundings,
+    travel,
+    uneven_paths,
+)
 from zsmoseg.synthetic.contrast import Played, contrast_of
 from zsmoseg.synthetic.near_things import near_things
 from zsmoseg.synthetic.render import draw, exact_flow, lens
@@ -24,6 +35,7 @@ def video_scene(
     shape: tuple[int, int] = (480, 854),
     speed: float = 1.0,
     exact: bool = True,
+    speeds: Sequence[float] = (),
     n_near: int = 0,
 ) -> Scene:
     """A rendered shot: textured bodies before a wall and a ground, finite motions, exact truth.
@@ -42,17 +54,20 @@ def video_scene(
     shape : height and width, px.
     speed : of the movers.
     exact : false leaves flow and contrast out (zeros).
+    speeds : one for each mover in the place of ``n_movers`` and ``speed``, against what stands still at its depth.
     n_near : static things near the camera that stand on the ground: poles, walls, boxes.
     """
     rng = np.random.default_rng(seed)
     world = travel(rng, camera, n_frames)
-    bodies = [
-        *surroundings(rng, world),
-        *[still_body(rng, world) for _ in range(n_objects)],
-        *near_things(rng, world, n_near),
-        *moving_bodies(rng, world, n_movers, shape[0] / shape[1], speed),
-    ]
-    return _rendered(bodies, n_frames, shape, camera, exact)
+    aspect = shape[0] / shape[1]
+    still = [*surroundings(rng, world), *[still_body(rng, world) for _ in range(n_objects)]]
+    still += near_things(rng, world, n_near)
+    paths: Paths | None
+    if speeds:
+        paths = uneven_paths(rng, world, speeds, aspect)
+    else:
+        paths = even_paths(rng, world, n_movers, aspect, speed)
+    return _rendered([*still, *moving_bodies(rng, world, paths)], n_frames, shape, camera, exact)
 
 
 def _rendered(bodies: list[Body], count: int, shape: tuple[int, int], camera: Camera, exact: bool) -> Scene:

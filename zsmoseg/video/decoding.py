@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import dropwhile
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +43,25 @@ def _picture(frame: Any) -> UInt8:
     return np.ascontiguousarray(image[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1])
 
 
-class Decoder:
-    """Decodes one file; goes on where it stands if that is the shortest way. ``keys`` empty: count frames."""
+@dataclass(frozen=True)
+class Way:
+    """How the frames of a file are found."""
 
-    def __init__(self, path: str, keys: Sequence[int]) -> None:
-        self.path, self.keys = path, np.asarray(keys, np.int64)
-        self.first = int(self.keys[0]) if len(self.keys) else 0
+    stream: int = 0
+    """Which of its streams is the video."""
+    keys: tuple[int, ...] = (0,)
+    """Presentation times of the key frames."""
+    ranks: tuple[int, ...] = ()
+    """Where times are missing, stand twice or start again: of each packet the place at which its frame is shown (-1: it
+    has none), which is then what is called presentation time here."""
+
+
+class Decoder:
+    """Decodes one file; goes on where it stands if that is the shortest way."""
+
+    def __init__(self, path: str, way: Way) -> None:
+        self.path, self.way, self.keys = path, way, np.asarray(way.keys, np.int64)
+        self.first = int(self.keys[0])
         self._container: Any = None
         self._stream: Iterator[tuple[int, Any]] = iter(())
         self._next: int | None = None
@@ -61,6 +76,21 @@ class Decoder:
         """
         for pts in wanted:
             yield self._frame(int(pts))
+
+    def shown(self) -> tuple[list[int], bool]:
+        """The presentation times of all frames as they come out, up to the first damage; whether there is none."""
+        self._start(0, 0)
+        order: list[int] = []
+        try:
+            for now, frame in self._stream:
+                if frame.is_corrupt:
+                    return order, False
+                order.append(now)
+        except av.error.FFmpegError:
+            return order, False
+        finally:
+            self.close()
+        return order, True
 
     def _frame(self, pts: int) -> UInt8:
         at = int(np.searchsorted(self.keys, pts, "right"))
@@ -100,31 +130,30 @@ class Decoder:
     def _start(self, at: int, trusted: int) -> None:
         """Open, and seek to key frame ``at``; what cannot be decoded before key frame ``trusted`` is let pass."""
         self.close()
-        key, sure = (int(self.keys[max(n, 0)]) if len(self.keys) else 0 for n in (at, trusted))
+        key, sure = (int(self.keys[max(n, 0)]) for n in (at, trusted))
         try:
             self._container = av.open(media(self.path))
         except (av.error.FFmpegError, OSError) as error:
             raise VideoError(f"{self.path}: cannot be opened ({error.strerror})") from error
-        stream = self._container.streams.video[0]
+        stream = self._container.streams[self.way.stream]
         stream.codec_context.thread_count = 1
         stream.codec_context.options = {**LIMIT, "err_detect": "explode"} if self._strict else LIMIT
-        if key > self.first:
+        if key > self.first and not self.way.ranks:
             self._container.seek(key, stream=stream, backward=True)
-        decoded = _decoded(self._container, stream, sure)
-        if len(self.keys):
-            self._stream = ((f.pts, f) for f in decoded if f.pts is not None)
-        else:
-            self._stream = enumerate(decoded)
+        packets = _full(self._container.demux(stream))
+        decoded = _decoded(_ranked(packets, self.way.ranks, key) if self.way.ranks else packets, sure)
+        self._stream = ((f.pts, f) for f in decoded if f.pts is not None)
 
     @cached_property
     def _strict(self) -> bool:
         """Damage is not to be painted over, except where an odd encoder makes even the first frame a damage."""
         try:
             with av.open(media(self.path)) as container:
-                stream = container.streams.video[0]
+                stream = container.streams[self.way.stream]
                 stream.codec_context.thread_count = 1
                 stream.codec_context.options = {**LIMIT, "err_detect": "explode"}
-                return next(container.decode(stream), None) is not None
+                packets = dropwhile(lambda p: not p.is_keyframe, _full(container.demux(stream)))
+                return next((frame for packet in packets for frame in packet.decode()), None) is not None
         except av.error.FFmpegError:
             return False
 
@@ -135,9 +164,31 @@ class Decoder:
         self._container, self._stream, self._next = None, iter(()), None
 
 
-def _decoded(container: Any, stream: Any, sure: int) -> Iterator[Any]:
-    """Frames from where the container stands; those shown before ``sure`` may lean on what was not decoded."""
-    for packet in container.demux(stream):
+def carries_frame(packet: Any) -> bool:
+    """Whether a packet has data, and data to be shown."""
+    return bool(packet.size) and not packet.is_discard
+
+
+def _full(packets: Iterable[Any]) -> Iterator[Any]:
+    """Without packets that are empty, of frames that were dropped; a decoder takes one for the end, which stays."""
+    return (packet for packet in packets if packet.size or packet.dts is None)
+
+
+def _ranked(packets: Iterable[Any], ranks: Sequence[int], key: int) -> Iterator[Any]:
+    """Packets from key frame ``key`` on, with the places of their frames as times."""
+    places, begun = iter(ranks), False
+    for packet in packets:
+        if carries_frame(packet):
+            rank = next(places, -1)
+            packet.pts = rank if rank >= 0 else None
+            begun = begun or rank == key
+        if begun:
+            yield packet
+
+
+def _decoded(packets: Iterable[Any], sure: int) -> Iterator[Any]:
+    """Frames of packets; those shown before ``sure`` may lean on what was not decoded."""
+    for packet in packets:
         try:
             frames = packet.decode()
         except av.error.FFmpegError:
@@ -147,16 +198,16 @@ def _decoded(container: Any, stream: Any, sure: int) -> Iterator[Any]:
         yield from frames
 
 
-def decoder(path: str, keys: tuple[int, ...]) -> Decoder:
+def decoder(path: str, way: Way) -> Decoder:
     """The decoder of a file that this process used last: chunks in order go on without a seek."""
     try:
         stat = os.stat(places.here(path))
     except OSError as error:
         raise VideoError(f"{path}: cannot be opened ({error.strerror})") from error
-    return _kept(path, keys, (stat.st_size, stat.st_mtime_ns, stat.st_ino))
+    return _kept(path, way, (stat.st_size, stat.st_mtime_ns, stat.st_ino))
 
 
 @lru_cache(maxsize=1)
-def _kept(path: str, keys: tuple[int, ...], stamp: tuple[int, ...]) -> Decoder:
+def _kept(path: str, way: Way, stamp: tuple[int, ...]) -> Decoder:
     """One decoder a process; ``stamp`` tells a file from another that took its place."""
-    return Decoder(path, keys)
+    return Decoder(path, way)

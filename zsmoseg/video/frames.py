@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,7 @@ def read(probe: Probe, start: int, stop: int) -> Iterator[NDArray[np.uint8]]:
         for file in probe.files[start:stop]:
             yield _read_image(file, probe)
         return
-    images = decoder(probe.source, probe.keys).frames(probe.pts[start:stop])
+    images = decoder(probe.source, probe.way).frames(probe.pts[start:stop])
     for number in range(start, stop):
         index = probe.indices[number] if probe.indices else int(probe.names[number])
         try:
@@ -42,7 +41,10 @@ def read(probe: Probe, start: int, stop: int) -> Iterator[NDArray[np.uint8]]:
                 f"--end {index}f stops before it"
             ) from error
         if image.shape[:2] != (probe.height, probe.width):
-            raise _other_size(f"{probe.source}: frame {index}", image, probe)
+            raise VideoError(
+                f"{probe.source}: its size changes at frame {index} ({probe.times[number]:.2f} s) from {probe.width} x "
+                f"{probe.height} to {image.shape[1]} x {image.shape[0]}; --end {index}f stops before it"
+            )
         yield image
 
 
@@ -53,16 +55,12 @@ def _read_image(file: str, probe: Probe) -> NDArray[np.uint8]:
     if image.dtype not in (np.uint8, np.uint16):
         raise unreadable(file, f"has {image.dtype} pixels, expected 8 or 16 bit")
     if image.shape[:2] != (probe.height, probe.width):
-        raise _other_size(file, image, probe)
+        raise VideoError(
+            f"{file}: is {image.shape[1]} x {image.shape[0]}, expected {probe.width} x {probe.height}; "
+            "all frames of a video must have one size"
+        )
     return (
         image
         if image.dtype == np.uint8
         else ((image.astype(np.uint32) + TO_8_BIT // 2) // TO_8_BIT).astype(np.uint8)
-    )
-
-
-def _other_size(what: str, image: NDArray[Any], probe: Probe) -> VideoError:
-    return VideoError(
-        f"{what}: is {image.shape[1]} x {image.shape[0]}, expected {probe.width} x {probe.height}; "
-        "all frames of a video must have one size"
     )

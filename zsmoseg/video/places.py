@@ -103,7 +103,7 @@ def signature(name: str) -> str:
     far = url(name)
     if far is None:
         s = os.stat(name)
-        return f"{os.path.realpath(name)} {s.st_size} {s.st_mtime_ns} {s.st_ctime_ns} {s.st_ino}"
+        return f"{os.path.abspath(name)} {s.st_size} {s.st_mtime_ns} {s.st_ctime_ns} {s.st_ino}"
     stat = _stat(far)
     return f"{far} {stat.size} {stat.modified} {stat.stamp}"
 

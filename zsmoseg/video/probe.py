@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from zsmoseg.errors import VideoError
 from zsmoseg.video import places
+from zsmoseg.video.decoding import Way
 from zsmoseg.video.index import index
 from zsmoseg.video.pixels import image_size
 from zsmoseg.video.sources import image_files
@@ -43,9 +44,9 @@ class Probe:
     files: tuple[str, ...]
     """One a frame for images; empty for a video file."""
     pts: tuple[int, ...]
-    """Presentation times in the file's units; empty for images."""
-    keys: tuple[int, ...]
-    """Presentation times of the key frames of the file."""
+    """Presentation times as ``way`` takes them; empty for images."""
+    way: Way
+    """How the frames of a video file are found."""
     names: tuple[str, ...]
     """Of the files written for each frame."""
     times: tuple[float, ...]
@@ -57,6 +58,10 @@ class Probe:
     """Of the used frames among all frames of the source."""
     total: int = 0
     """Frames of the source, used or not."""
+    bits: int = 16
+    """That count of the values of images with 16."""
+    notes: tuple[str, ...] = ()
+    """What its user should know of it."""
 
     def to_json(self) -> dict[str, Any]:
         """As JSON."""
@@ -65,8 +70,11 @@ class Probe:
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Probe:
         """From JSON."""
-        lists = {name: tuple(value) for name, value in content.items() if isinstance(value, list)}
-        return cls(**{**content, **lists})
+        return cls(**{**_tuples(content), "way": Way(**_tuples(content["way"]))})
+
+
+def _tuples(content: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in content.items()}
 
 
 def probe(source: str, excerpt: Excerpt) -> Probe:
@@ -112,35 +120,35 @@ def _probe_images(source: str, files: list[str], excerpt: Excerpt) -> Probe:
     times = tuple(i / excerpt.fps for i in used)
     where = places.absolute(source)
     return Probe(
-        where, tuple(chosen), (), (), tuple(names), times, *sizes[0], indices=tuple(used), total=len(files)
+        where, tuple(chosen), (), Way(), tuple(names), times, *sizes[0], indices=tuple(used), total=len(files)
     )
 
 
 def _probe_file(source: str, excerpt: Excerpt) -> Probe:
     found = index(source, thorough=excerpt.allow_truncated)
-    if found.decodable < found.promised and not excerpt.allow_truncated:
+    if not found.whole and not excerpt.allow_truncated:
         raise VideoError(
-            f"{source}: is damaged or cut off: frames 0 to {found.decodable - 1} of {found.promised} can be decoded, "
+            f"{source}: is damaged or cut off: frames 0 to {found.decodable - 1} can be decoded, "
             f"frame {found.decodable} cannot; --allow-truncated goes on with those"
         )
-    pts = found.pts[: found.decodable]
-    times = [(p - pts[0]) * found.time_base for p in pts]
+    pts, times = found.pts[: found.decodable], found.seconds[: found.decodable]
     used = _used(times, source, excerpt)
     return Probe(
         places.absolute(source),
         (),
         tuple(pts[i] for i in used),
-        found.keys,
+        found.way,
         tuple(f"{i:05d}" for i in used),
         tuple(times[i] for i in used),
         found.width,
         found.height,
         indices=tuple(used),
         total=len(times),
+        notes=found.notes,
     )
 
 
-def _used(times: list[float], source: str, excerpt: Excerpt) -> range:
+def _used(times: Sequence[float], source: str, excerpt: Excerpt) -> range:
     """The frames between start and end, every n-th."""
     if len(times) < 2:
         raise VideoError(f"{source}: has {len(times)} frame; motion needs two at least")
@@ -163,7 +171,7 @@ def _used(times: list[float], source: str, excerpt: Excerpt) -> range:
     return used
 
 
-def _frame_at(text: str, times: list[float]) -> int:
+def _frame_at(text: str, times: Sequence[float]) -> int:
     """The frame that ``300f`` or ``12.5`` means: the first at or after that time."""
     if text.endswith("f"):
         return int(text[:-1])

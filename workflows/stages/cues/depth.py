@@ -13,7 +13,7 @@ from zsmoseg.depth.ground import ground
 from zsmoseg.networks.depth import network_depth
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import video
-from zsmoseg.workflows.imports.contents import depth_of
+from zsmoseg.workflows.imports.contents import count_unknown, depth_of, passed_over
 from zsmoseg.workflows.stage import Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
 
@@ -52,7 +52,11 @@ def _ground(part: Part, s: Sections) -> Iterator[NDArray[np.float32]]:
 
 
 def _imported(part: Part, s: Sections) -> Iterator[NDArray[np.float32]]:
-    return depth_of(s.depth, part.probe, part.start, part.stop, working_size(part.probe, s.frames.width))
+    grid = working_size(part.probe, s.frames.width)
+    part.facts.update(passed_over("depth", s.depth, part.probe) if not part.start else {})
+    for inverse in depth_of(s.depth, part.probe, part.start, part.stop, grid):
+        count_unknown(part.facts, inverse)
+        yield inverse
 
 
 def _network(part: Part, s: Sections) -> Iterator[NDArray[np.float32]]:

@@ -16,7 +16,7 @@ from zsmoseg.flow.warp import resized
 from zsmoseg.networks.flow import network_flow
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table, video
-from zsmoseg.workflows.imports.contents import flow_of
+from zsmoseg.workflows.imports.contents import count_unknown, flow_of, passed_over
 from zsmoseg.workflows.stage import Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
 
@@ -71,7 +71,11 @@ def _dis(part: Part, inputs: Inputs, s: Sections) -> Iterator[tuple[Vectors, Vec
 
 
 def _imported(part: Part, inputs: Inputs, s: Sections) -> Iterator[tuple[Vectors, Vectors]]:
-    return flow_of(s.flow, part.probe, part.start, part.last_pair, working_size(part.probe, s.frames.width))
+    grid = working_size(part.probe, s.frames.width)
+    part.facts.update(passed_over("flow", s.flow, part.probe) if not part.start else {})
+    for there, back in flow_of(s.flow, part.probe, part.start, part.last_pair, grid):
+        count_unknown(part.facts, there[0])
+        yield there, back
 
 
 def _network(part: Part, inputs: Inputs, s: Sections) -> Iterator[tuple[Vectors, Vectors]]:

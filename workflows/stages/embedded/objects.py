@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from zsmoseg import settings
 from zsmoseg.errors import SettingsError
 from zsmoseg.proposals.embedded.features import SuperpixelFeatures
-from zsmoseg.proposals.embedded.objects import LENGTH, MARGIN, find_objects
+from zsmoseg.proposals.embedded.objects import LENGTH, MARGIN, FrameObjects, find_objects
 from zsmoseg.proposals.embedded.objects import Objects as Parameters
 from zsmoseg.stores.fields import table
 from zsmoseg.tracking.spans import MOST
@@ -34,6 +34,14 @@ class SuperpixelObjects(Objects):
     superpixels: NDArray[np.int64] = table("frame", dtype="int64", meaning="number of superpixels")
     value: NDArray[np.float32] = table("superpixel", dtype="float32", meaning="log-odds of being foreground")
     object_of: NDArray[np.int32] = table("superpixel", dtype="int32", meaning="object, 0 = none")
+    look: NDArray[np.uint8] = table(
+        "superpixel",
+        dtype="uint8",
+        meaning="the look that found it, each at what those before left; 0 = none",
+    )
+    sure: NDArray[np.float32] = table(
+        "superpixel", dtype="float32", meaning="mean score over the life of its object, in that look"
+    )
 
 
 @dataclass(frozen=True)
@@ -55,7 +63,7 @@ class Sections:
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]:
     """All shots of the video, one after the other; ids go on counting from shot to shot."""
     found, last = between_cuts(inputs.flow.state), [0]
-    waiting: list[tuple[NDArray[np.float32], NDArray[np.int32], float]] = []
+    waiting: list[FrameObjects] = []
     frame = 0
 
     def load(start: int, stop: int) -> SuperpixelFeatures:
@@ -64,10 +72,10 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]
     grid, parameters = working_size(part.probe, s.frames.width), s.objects.parameters(Parameters)
     for shot in found:
         highest = last[-1]
-        for value, named, score in find_objects(load, shot, grid, parameters):
-            ids = np.where(named > 0, named + last[-1], 0).astype(np.int32)
+        for one in find_objects(load, shot, grid, parameters):
+            ids = np.where(one.ids > 0, one.ids + last[-1], 0).astype(np.int32)
             highest = max(highest, int(ids.max(initial=0)))
-            waiting.append((value, ids, score))
+            waiting.append(one._replace(ids=ids))
             frame += 1
             if frame % BLOCK == 0 or frame == part.frames:
                 yield _block(frame, waiting)
@@ -81,9 +89,9 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]
     yield SuperpixelObjects(**shot_columns(part.frames, found, last[1:]))
 
 
-def _block(stop: int, found: list[tuple[NDArray[np.float32], NDArray[np.int32], float]]) -> SuperpixelObjects:
-    """The frames up to ``stop``: value and object of the superpixels, and score, of each."""
-    values, ids, scores = zip(*found, strict=True)
+def _block(stop: int, found: list[FrameObjects]) -> SuperpixelObjects:
+    """The frames up to ``stop``."""
+    values, ids, looks, sure, scores = zip(*found, strict=True)
     return SuperpixelObjects(
         start=stop - len(found),
         stop=stop,
@@ -91,6 +99,8 @@ def _block(stop: int, found: list[tuple[NDArray[np.float32], NDArray[np.int32], 
         superpixels=np.array([len(value) for value in values], np.int64),
         value=np.concatenate(values),
         object_of=np.concatenate(ids),
+        look=np.concatenate(looks).astype(np.uint8),
+        sure=np.concatenate(sure),
     )
 
 
@@ -111,7 +121,7 @@ def _held(s: Sections) -> int:
 
 STAGE = Stage(
     "objects",
-    3,
+    4,
     task,
     Inputs,
     Sections,

@@ -111,16 +111,17 @@ class Affinity(Arrays):
         meaning="part of the looks in which its foot is as near as the world below it",
     )
 
-    def by_object(self, name: str, count: int) -> NDArray[Any]:
-        """(count,) a table of the objects by their number; NaN, or 0, where no window has one."""
-        values = getattr(self, name)
-        out = np.full(count, np.nan if values.dtype.kind == "f" else 0, values.dtype)
-        out[self.object] = values
-        return out
+    def evidence(self, count: int) -> dict[str, NDArray[Any]]:
+        """By name the evidence (count,) for all objects by their number; NaN, or 0, where no window has one.
 
-    def geometries(self, count: int) -> list[str]:
-        """What the geometry of the world says of each object, in words."""
-        return [VERDICTS[verdict] for verdict in self.by_object("verdict", count)]
+        ``geometry`` is the verdict in words.
+        """
+        out = {}
+        for name in ("visibility", "verdict", "counts", "front", "error", "parallax", "foot"):
+            values = getattr(self, name)
+            out[name] = np.full(count, np.nan if values.dtype.kind == "f" else 0, values.dtype)
+            out[name][self.object] = values
+        return {**out, "geometry": np.array(VERDICTS)[out.pop("verdict")]}
 
 
 @dataclass(frozen=True)

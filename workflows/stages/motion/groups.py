@@ -16,8 +16,9 @@ from zsmoseg import settings
 from zsmoseg.grouping.affinity import ShotAffinity
 from zsmoseg.grouping.groups import Grouping, ShotGroups, group_shot
 from zsmoseg.grouping.instances import end_velocities
-from zsmoseg.grouping.numbering import carried
+from zsmoseg.grouping.numbering import carried_groups, carried_instances
 from zsmoseg.grouping.pieces import Pieces
+from zsmoseg.grouping.remarks import together
 from zsmoseg.motion.models import Floats
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
@@ -25,7 +26,7 @@ from zsmoseg.workflows.stage import ALL, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, local_ids
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.statistics import Statistics
-from zsmoseg.workflows.stages.windows import Window, all_windows, block_of
+from zsmoseg.workflows.stages.windows import all_windows, block_of
 
 Ids = NDArray[np.int64]
 
@@ -36,7 +37,7 @@ class Groups(Arrays):
 
     object: Ids = table("object", dtype="int64", meaning="object")
     group: Ids = table("object", dtype="int64", meaning="motion group, 0 = static")
-    instance: Ids = table("object", dtype="int64", meaning="instance that the object belongs to, 0 = static")
+    instance: Ids = table("object", dtype="int64", meaning="object that it is a piece of, 0 = static")
     frames: Ids = table("object", dtype="int64", meaning="frames in which it is seen", unit="frames")
     frames_moving: Ids = table("object", dtype="int64", meaning="frames in which it moves", unit="frames")
     area: Ids = table("object", dtype="int64", meaning="pixels as displayed, all frames", unit="px^2")
@@ -47,6 +48,11 @@ class Groups(Arrays):
         unit="px",
     )
     tolerance: Floats = table("object", dtype="float64", meaning="what of that is tolerated", unit="px")
+    reason: Ids = table(
+        "object",
+        dtype="int64",
+        meaning="what decided that it moves or not (zsmoseg.grouping.decisions.Reason)",
+    )
     moving: NDArray[np.bool_] = table(
         "frame", "object", dtype="bool", meaning="whether it moves at the frame"
     )
@@ -89,16 +95,15 @@ class Sections:
 
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Groups]:
-    """One window after the other; groups and instances go on counting from shot to shot."""
-    warnings: list[str] = []
-    part.facts["warnings"] = warnings
+    """One window after the other; groups go on counting from shot to shot."""
+    said: list[tuple[list[str], str]] = []
     grid, grouping = working_size(part.probe, s.frames.width), s.groups.parameters(Grouping)
     known = Known.of(int(inputs.objects.last_object[-1]) + 1)
     colours = read_colours(inputs.statistics, len(known.group))
     for number, window in enumerate(all_windows(inputs.objects, inputs.labels)):
         pieces, velocity = read_pieces(inputs.statistics, window, colours)
         answer = group_shot(read_affinity(inputs.affinity, window), pieces, velocity, grid, grouping)
-        warnings += [f"{_where(part, window)}{text}" for text in answer.warnings]
+        said.append((answer.warnings, f"frames {window.start} to {window.stop - 1}"))
         rows = slice(window.first - window.start, window.last - window.start)
         moving = answer.moving[rows]
         known.add(window.objects, answer, pieces.area.sum(0).astype(np.float64), moving)
@@ -113,13 +118,8 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Groups]:
             end_frame=np.array([window.stop], np.int64),
             eigenvalue=answer.eigenvalues[None],
         )
+    part.facts["warnings"] = together(said)
     yield known.left(part.frames, *_displayed(inputs.labels, len(known.group)))
-
-
-def _where(part: Part, window: Window) -> str:
-    """What is said before a warning where a window is not the whole video."""
-    whole = window.stop - window.start == part.frames
-    return "" if whole else f"frames {window.start} to {window.stop - 1}: "
 
 
 @dataclass
@@ -131,26 +131,26 @@ class Known:
     frames_moving: Ids
     excess: Floats
     tolerance: Floats
+    reason: Ids
     seen: NDArray[np.bool_]
     """Whether a window had it."""
 
     @classmethod
     def of(cls, count: int) -> Known:
         """Nothing yet."""
-        group, instance, frames = np.zeros((3, count), np.int64)
+        group, instance, frames, reason = np.zeros((4, count), np.int64)
         excess, tolerance = np.full((2, count), np.nan)
-        return cls(group, instance, frames, excess, tolerance, np.zeros(count, np.bool_))
+        return cls(group, instance, frames, excess, tolerance, reason, np.zeros(count, np.bool_))
 
     def add(self, objects: Ids, answer: ShotGroups, support: Floats, moving: NDArray[np.bool_]) -> None:
         """The answer of a window for the ``objects`` in it: the first in which an object moves counts, or the first."""
-        group, instance = (
-            carried(number, before[objects], support, int(before.max()))
-            for number, before in ((answer.group, self.group), (answer.instance, self.instance))
-        )
+        group = carried_groups(answer.group, self.group[objects], support, int(self.group.max()))
+        instance = carried_instances(answer.instance, self.instance[objects], support, objects)
         new = ~self.seen[objects] | ((self.group[objects] == 0) & (group > 0))
         at = objects[new]
         self.group[at], self.instance[at], self.seen[at] = group[new], instance[new], True
         self.excess[at], self.tolerance[at] = answer.excess[new], answer.tolerance[new]
+        self.reason[at] = answer.reason[new]
         self.frames_moving[objects] += moving.sum(0)
 
     def left(self, stop: int, frames: Ids, area: Ids) -> Groups:
@@ -166,6 +166,7 @@ class Known:
             area=area,
             excess=self.excess,
             tolerance=self.tolerance,
+            reason=self.reason,
         )
 
 
@@ -219,4 +220,4 @@ def moving_objects(groups: Groups, start: int, stop: int) -> NDArray[np.bool_]:
     return out
 
 
-STAGE = Stage("groups", 6, task, Inputs, Sections, Groups, "video", cost=(0.5, 0.1))
+STAGE = Stage("groups", 7, task, Inputs, Sections, Groups, "video", cost=(0.5, 0.1))

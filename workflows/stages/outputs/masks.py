@@ -1,4 +1,4 @@
-"""Stage ``masks``: the images in the output folder: groups in ``masks``, instances in ``objects``."""
+"""Stage ``masks``: the images in the output folder: groups in ``masks``, objects in ``objects``."""
 
 from __future__ import annotations
 

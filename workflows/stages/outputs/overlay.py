@@ -27,8 +27,8 @@ BLOCK = 16
 """Frames held in memory at once."""
 STILL = 0.04
 """Seconds that the only frame of a video is shown."""
-SHORTEST, DENOMINATOR = 1e-3, 1001
-"""Seconds between two frames at least, and the denominator of the rate at most: that of 29.97 is 1001."""
+SHORTEST, LONGEST, DENOMINATOR = 1e-3, 10.0, 1001
+"""Seconds between two frames at least and at most, and the denominator of the rate at most: that of 29.97 is 1001."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def _encode(path: Path, part: Part, images: Iterator[NDArray[np.uint8]]) -> None
 def _rate(probe: Probe) -> Fraction:
     """Frames a second, from the median distance of the frames."""
     step = float(np.median(np.diff(probe.times))) if len(probe.times) > 1 else STILL
-    return Fraction(1 / max(step, SHORTEST)).limit_denominator(DENOMINATOR)
+    return Fraction(1 / min(max(step, SHORTEST), LONGEST)).limit_denominator(DENOMINATOR)
 
 
 STAGE = Stage(

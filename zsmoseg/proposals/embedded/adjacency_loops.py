@@ -3,16 +3,16 @@
 # mypy: disable-error-code="untyped-decorator"
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.compiling import compiled
 from zsmoseg.proposals.embedded.aliases import Bools, Ints, Segments, Singles
 
 Numbers = NDArray[np.int32]
 
 
-@nb.njit(cache=True)
+@compiled
 def boundary_steps(segment: Segments, valid: Bools) -> tuple[Numbers, Numbers]:
     """Both sides, the smaller number first, of every step from a pixel across a boundary of superpixels.
 
@@ -43,7 +43,7 @@ def boundary_steps(segment: Segments, valid: Bools) -> tuple[Numbers, Numbers]:
     return first[:n], second[:n]
 
 
-@nb.njit(cache=True)
+@compiled
 def carried_runs(
     segment: Segments, other: Segments, flow: Singles, valid: Bools
 ) -> tuple[Numbers, Numbers, Numbers]:
@@ -80,7 +80,7 @@ def carried_runs(
     return first[:n], second[:n], run[:n]
 
 
-@nb.njit(cache=True)
+@compiled
 def count_pairs(first: Numbers, second: Numbers, run: Numbers, count: int, others: int) -> tuple[Ints, Ints]:
     """The different pairs, and how often each comes.
 
@@ -121,7 +121,7 @@ def count_pairs(first: Numbers, second: Numbers, run: Numbers, count: int, other
     return pairs[:n], times[:n]
 
 
-@nb.njit(cache=True)
+@compiled
 def _grouped(first: Numbers, second: Numbers, run: Numbers, count: int) -> tuple[Ints, Numbers, Numbers]:
     """``second`` and ``run`` by ascending ``first``, and where (count + 1) each number of ``first`` begins."""
     start = np.zeros(count + 1, np.int64)

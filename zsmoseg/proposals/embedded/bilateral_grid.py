@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
+from zsmoseg.compiling import compiled
 from zsmoseg.proposals.embedded.aliases import Floats, Ints, Singles
 from zsmoseg.proposals.embedded.graph import Graph
 
@@ -56,7 +56,7 @@ def smooth(graph: Graph, x: Floats, cells: BilateralGrid) -> Floats:
     return np.asarray(mean[:, 1] / np.maximum(mean[:, 0], LEAST))
 
 
-@nb.njit(cache=True)
+@compiled
 def _corners(point: Floats, stride: Ints, share: Floats, cell: Ints) -> None:
     """Fill the weight and the cell of each of the 2^d cells around a point (d)."""
     share[0], cell[0], known = 1.0, 0, 1
@@ -69,7 +69,7 @@ def _corners(point: Floats, stride: Ints, share: Floats, cell: Ints) -> None:
         known *= 2
 
 
-@nb.njit(cache=True)
+@compiled
 def splat(point: Floats, weight: Floats, x: Floats, stride: Ints, grid: Singles) -> None:
     """Spread values over the cells around their points.
 
@@ -92,7 +92,7 @@ def splat(point: Floats, weight: Floats, x: Floats, stride: Ints, grid: Singles)
             grid[cell[k], 1] += weight[i] * share[k] * x[i]
 
 
-@nb.njit(cache=True)
+@compiled
 def slice_grid(point: Floats, stride: Ints, grid: Singles) -> Floats:
     """(n, 2) the grid at points between its cells, linear; parameters as in ``splat``."""
     out = np.zeros((len(point), 2))
@@ -105,7 +105,7 @@ def slice_grid(point: Floats, stride: Ints, grid: Singles) -> Floats:
     return out
 
 
-@nb.njit(cache=True)
+@compiled
 def blur(grid: Singles) -> None:
     """Blur by 1-2-1 along the middle axis of (before, n, after), in place; nothing lies outside."""
     last = np.empty(grid.shape[2], grid.dtype)

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 
+from zsmoseg.compiling import compiled
 from zsmoseg.proposals.embedded.aliases import Floats, Ints
 from zsmoseg.proposals.embedded.features_loops import ERROR, U, V
 from zsmoseg.proposals.embedded.graph import Graph, reliability
@@ -91,7 +91,7 @@ def fit_fields(offset: Ints, basis: Floats, flow: Floats, weight: Floats, camera
     return np.asarray(field, np.float64)
 
 
-@nb.njit(cache=True)
+@compiled
 def normal_equations(offset: Ints, basis: Floats, flow: Floats, weight: Floats) -> tuple[Floats, Floats]:
     """The two sides of the normal equations of the weighted fit of each frame.
 
@@ -120,7 +120,7 @@ def normal_equations(offset: Ints, basis: Floats, flow: Floats, weight: Floats) 
     return normal, right
 
 
-@nb.njit(cache=True)
+@compiled
 def reweigh(offset: Ints, basis: Floats, flow: Floats, weight: Floats, field: Floats, least: float) -> Floats:
     """Weights of the next round: ``weight`` / (1 + (r / scale)²)², r the residual, scale its 1.48 median.
 
@@ -152,7 +152,7 @@ def reweigh(offset: Ints, basis: Floats, flow: Floats, weight: Floats, field: Fl
     return out
 
 
-@nb.njit(cache=True)
+@compiled
 def _weighted_median(x: Floats, weight: Floats) -> float:
     """By a histogram, then one of the bin that holds it: no sorting, for this runs in each round for each frame."""
     low, width, below, half = 0.0, 0.0, 0.0, 0.0

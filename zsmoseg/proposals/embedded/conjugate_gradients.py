@@ -9,17 +9,17 @@ Source: Hestenes, Stiefel, "Methods of conjugate gradients for solving linear sy
 # mypy: disable-error-code="untyped-decorator"
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.compiling import compiled
 from zsmoseg.proposals.embedded.aliases import Singles
 
 Index = NDArray[np.int32]
 Pair = tuple[float, float]
 
 
-@nb.njit(cache=True)
+@compiled
 def conjugate_gradients(
     start: Index,
     index: Index,
@@ -68,13 +68,13 @@ def conjugate_gradients(
     return z
 
 
-@nb.njit(cache=True)
+@compiled
 def _ratio(above: float, below: float) -> np.float32:
     """0 where a column is solved exactly."""
     return np.float32(above / below) if below > 0 else np.float32(0)
 
 
-@nb.njit(cache=True)
+@compiled
 def _begin(
     start: Index,
     index: Index,
@@ -103,7 +103,7 @@ def _begin(
     return goal0, goal1
 
 
-@nb.njit(cache=True)
+@compiled
 def _precondition(diagonal: Singles, rest: Singles, step: Singles) -> tuple[Pair, Pair]:
     """Fill the first step, rest / diagonal; rest · step, and rest · rest."""
     product0, product1, square0, square1 = 0.0, 0.0, 0.0, 0.0
@@ -116,7 +116,7 @@ def _precondition(diagonal: Singles, rest: Singles, step: Singles) -> tuple[Pair
     return (product0, product1), (square0, square1)
 
 
-@nb.njit(cache=True)
+@compiled
 def _multiply(
     start: Index,
     index: Index,
@@ -141,7 +141,7 @@ def _multiply(
     return curvature0, curvature1
 
 
-@nb.njit(cache=True)
+@compiled
 def _advance(
     c0: np.float32,
     c1: np.float32,

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import heapq
 
-import numba as nb
 import numpy as np
 
+from zsmoseg.compiling import compiled
 from zsmoseg.proposals.embedded.aliases import Floats, Ints
 from zsmoseg.proposals.embedded.signed_graph import SignedGraph, renamed_nodes
 
@@ -40,7 +40,7 @@ def contract(part: Ints, signed: SignedGraph) -> Ints:
     return renamed_nodes(part, nodes, nodes[into])
 
 
-@nb.njit(cache=True)
+@compiled
 def contract_edges(pair: Ints, attraction: Floats, parts: int) -> Ints:
     """Contract edges from the one that attracts most on, as long as one attracts.
 
@@ -83,7 +83,7 @@ def contract_edges(pair: Ints, attraction: Floats, parts: int) -> Ints:
     return into
 
 
-@nb.njit(cache=True)
+@compiled
 def _ends(end: Ints, parts: int) -> tuple[Ints, Ints, Ints]:
     """The linked lists: (parts) first end, (2 n) the one after each end, -1 = none; (parts) number of edges."""
     head, following = np.full(parts, -1), np.full(2 * len(end), -1)
@@ -96,7 +96,7 @@ def _ends(end: Ints, parts: int) -> tuple[Ints, Ints, Ints]:
     return head, following, degree
 
 
-@nb.njit(cache=True)
+@compiled
 def _hand_over(
     q: int,
     p: int,

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from zsmoseg.proposals.embedded.aliases import Floats
-from zsmoseg.proposals.embedded.full_motion import FullMotion, against_full_motion
 from zsmoseg.proposals.embedded.geodesic import from_border
 from zsmoseg.proposals.embedded.graph import Graph
 
@@ -30,8 +29,8 @@ def enclosed_by_colour(graph: Graph, enclosure: Enclosure) -> Floats:
     return np.asarray(1 - np.exp(-from_border(graph, graph.edge_colour, free) / enclosure.border_colour))
 
 
-def moving(graph: Graph, speed: Floats, full_motion: FullMotion, enclosure: Enclosure) -> Floats:
-    """(superpixels) 0 to 1: moves unlike the camera, and is closed off from the border of the frame by motion.
+def enclosed_by_motion(graph: Graph, speed: Floats, enclosure: Enclosure) -> Floats:
+    """(superpixels) px: the least change of the flow on a path from the border of the frame.
 
     Parameters
     ----------
@@ -40,6 +39,4 @@ def moving(graph: Graph, speed: Floats, full_motion: FullMotion, enclosure: Encl
     """
     forward, backward = graph.edge_flow
     step = np.maximum((forward + backward) / 2 - enclosure.flow_noise, 0)
-    closed = from_border(graph, step, enclosure.border_entry * speed)
-    both = against_full_motion(graph, speed, full_motion) * against_full_motion(graph, closed, full_motion)
-    return np.asarray(np.sqrt(both), np.float64)
+    return np.asarray(from_border(graph, step, enclosure.border_entry * speed), np.float64)

@@ -154,9 +154,7 @@ class _Side:
 
     def mean_flow(self, other: _Side, valid: Bools) -> Floats:
         """(superpixels, 4) of the flow to the ``other`` side."""
-        return mean_flow(  # type: ignore[no-any-return]
-            self.segment, self.count, self.flow, other.flow, self.detail, other.detail, valid
-        )
+        return mean_flow(self.segment, self.count, self.flow, other.flow, self.detail, other.detail, valid)
 
 
 def _pair(one: _Side, two: _Side, state: PairState, valid: Bools, least: int) -> _Pair:

@@ -3,9 +3,9 @@
 # mypy: disable-error-code="untyped-decorator"
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
+from zsmoseg.compiling import compiled
 from zsmoseg.proposals.embedded.aliases import Bools, Floats, Segments, Singles
 
 COLUMNS = ("size", "y", "x", "L", "a", "b", "rim", "detail", "slope_xx", "slope_xy", "slope_yy")
@@ -20,7 +20,7 @@ RIM_WIDTH = 2
 """Pixels this close to the border of the frame are its rim: a superpixel beside it may not quite reach it, px."""
 
 
-@nb.njit(cache=True)
+@compiled
 def mean_features(
     segment: Segments, count: int, lab: Singles, detail: Singles, slope: Singles, valid: Bools
 ) -> Floats:
@@ -65,7 +65,7 @@ def mean_features(
     return out
 
 
-@nb.njit(cache=True)
+@compiled
 def mean_flow(
     segment: Segments,
     count: int,
@@ -112,7 +112,7 @@ def mean_flow(
     return out
 
 
-@nb.njit(cache=True)
+@compiled
 def _bilinear(image: Singles, x: float, y: float) -> float:
     """The image (h, w) between its pixels; outside, the nearest on the border."""
     height, width = image.shape

@@ -1,7 +1,8 @@
-"""Which superpixels move by themselves, over a window of frames: the steps of ``docs/embedded.md`` from 3 to 9.
+"""Which superpixels move by themselves, over a window of frames: the steps of ``docs/embedded.md`` from 3 to 10.
 
 What sets them apart: motion that is not the camera's and is closed off from the border of the frame, spread over
-like neighbours in space and time, cut where motion and colour both change, and confirmed by colour.
+like neighbours in space and time, cut where motion and colour both change, and confirmed by colour. All of this is
+relative to the fastest of the frame; so it is looked at again without them.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from zsmoseg.proposals.embedded.aliases import Floats
+from zsmoseg.proposals.embedded.aliases import Bools, Floats
 from zsmoseg.proposals.embedded.bilateral_grid import BilateralGrid, smooth
 from zsmoseg.proposals.embedded.camera import Camera, own_motion, speed
 from zsmoseg.proposals.embedded.diffusion import Diffusion, diffuse, similarity
-from zsmoseg.proposals.embedded.enclosure import Enclosure, enclosed_by_colour, moving
-from zsmoseg.proposals.embedded.full_motion import FullMotion, full
+from zsmoseg.proposals.embedded.enclosure import Enclosure, enclosed_by_colour, enclosed_by_motion
+from zsmoseg.proposals.embedded.full_motion import FullMotion, against_full_motion, full
 from zsmoseg.proposals.embedded.graph import Graph
 from zsmoseg.proposals.embedded.persistence import Cleanness, Persistence, cleanness, persistence
 from zsmoseg.proposals.embedded.threshold import (
@@ -63,8 +64,8 @@ class Saliency:
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """What is found out about a window."""
+class Look:
+    """What one look at a window finds."""
 
     value: Floats
     """(superpixels) log-odds of being foreground: log(saliency / threshold) / softness."""
@@ -73,8 +74,8 @@ class Judgement:
 
 
 @dataclass(frozen=True)
-class _Known:
-    """What is the same in all steps."""
+class Ties:
+    """What holds superpixels together and sets them apart, however they move."""
 
     weight: sp.csr_array
     """(superpixels, superpixels) of the diffusion."""
@@ -86,50 +87,102 @@ class _Known:
     """(edges)."""
 
 
-def judge(graph: Graph, parameters: Saliency) -> Judgement:
+@dataclass(frozen=True)
+class OwnMotion:
+    """How superpixels move by themselves."""
+
+    speed: Floats
+    """(superpixels) px."""
+    enclosed: Floats
+    """(superpixels) px, change of the flow on every path from the border of the frame."""
+
+    @classmethod
+    def of(cls, graph: Graph, own_speed: Floats, enclosure: Enclosure) -> OwnMotion:
+        """That of superpixels of the own speed (superpixels), px."""
+        return cls(own_speed, enclosed_by_motion(graph, own_speed, enclosure))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the first look leaves for others."""
+
+    ties: Ties
+    motion: OwnMotion
+    lasting: Floats
+    """(superpixels) 0 to 1: persistence."""
+
+
+def first_look(graph: Graph, parameters: Saliency) -> tuple[Look, Seen]:
     """Value of every superpixel and score of every frame of a window.
 
     The camera's motion is fitted twice: to everything, then to what has not turned out to be foreground. So an
     object that fills most of a frame does not pass for the background where the frames around know it.
     """
-    p = parameters
-    known = _Known(
+    p, everything = parameters, np.ones(len(graph.frame), np.bool_)
+    ties = Ties(
         weight=similarity(graph, p.diffusion),
         trust=trust(graph, p.trust),
         enclosed=enclosed_by_colour(graph, p.enclosure),
         contrast=boundary_contrast(graph, p.contrast),
     )
-    guess = first_guess(graph, known, p)
+    guess = first_guess(graph, ties, p)
     # 3. own motion beyond the camera's
     own = own_motion(graph, graph.size * (1 - guess), p.camera)
-    own_speed = speed(graph, own)
+    motion = OwnMotion.of(graph, speed(graph, own), p.enclosure)
     # 4. closed off by motion and by colour
-    closed = moving(graph, own_speed, p.full_motion, p.enclosure) * known.enclosed
+    closed = closed_off(graph, ties, motion, everything, p)
     # 5. diffusion: of all of it, and of what comes from flow that closes
-    both = np.stack([closed, closed * cleanness(graph, own_speed, p.cleanness)], 1)
-    spread, clean = diffuse(known.weight, both, p.diffusion.spread, p.diffusion.tolerance, known.trust).T
+    both = np.stack([closed, closed * cleanness(graph, motion.speed, p.cleanness)], 1)
+    spread, clean = diffuse(ties.weight, both, p.diffusion.spread, p.diffusion.tolerance, ties.trust).T
     # 6. persistence
     window, bins = p.threshold.window, p.threshold.threshold_bins
-    lasting = spread * persistence(graph, spread, clean, p.persistence, window, bins)
+    lasting = persistence(graph, spread, clean, p.persistence, window, bins)
     # 7. threshold, and the score of the frames
-    threshold = thresholds(graph, lasting, known.contrast, p.threshold)
-    foreground = probability(graph, lasting, threshold, p.threshold)
+    threshold = thresholds(graph, spread * lasting, ties.contrast, everything, p.threshold)
+    foreground = probability(graph, spread * lasting, threshold, p.threshold)
     # 8. visibility
-    top = full(graph, own_speed, p.full_motion)
+    top = full(graph, motion.speed, everything, p.full_motion)
     seen = foreground * visibility(graph, own, top, p.visibility)
     # 9. appearance, then diffusion and threshold once more
     confirmed = (seen + smooth(graph, foreground, p.bilateral_grid)) / 2
-    saliency = diffuse(known.weight, confirmed, p.diffusion.spread, p.diffusion.tolerance)
-    last_threshold = thresholds(graph, saliency, known.contrast, p.threshold)
+    saliency = diffuse(ties.weight, confirmed, p.diffusion.spread, p.diffusion.tolerance)
+    last_threshold = thresholds(graph, saliency, ties.contrast, everything, p.threshold)
     value = log_odds(graph, saliency, last_threshold, p.threshold)
-    return Judgement(value, score(threshold, p.threshold))
+    return Look(value, score(threshold, p.threshold)), Seen(ties, motion, lasting)
 
 
-def first_guess(graph: Graph, known: _Known, parameters: Saliency) -> Floats:
+def first_guess(graph: Graph, ties: Ties, parameters: Saliency) -> Floats:
     """(superpixels) 0 to 1: foreground by steps 3 to 7 but for persistence, the camera fitted to everything."""
-    p = parameters
-    own = own_motion(graph, graph.size, p.camera)
-    closed = moving(graph, speed(graph, own), p.full_motion, p.enclosure) * known.enclosed
-    spread = diffuse(known.weight, closed, p.diffusion.spread, FIRST_TOLERANCE, known.trust)
-    first_threshold = thresholds(graph, spread, known.contrast, p.threshold)
-    return probability(graph, spread, first_threshold, p.threshold)
+    p, everything = parameters, np.ones(len(graph.frame), np.bool_)
+    own_speed = speed(graph, own_motion(graph, graph.size, p.camera))
+    closed = closed_off(graph, ties, OwnMotion.of(graph, own_speed, p.enclosure), everything, p)
+    spread = diffuse(ties.weight, closed, p.diffusion.spread, FIRST_TOLERANCE, ties.trust)
+    threshold = thresholds(graph, spread, ties.contrast, everything, p.threshold)
+    return probability(graph, spread, threshold, p.threshold)
+
+
+def look_again(graph: Graph, seen: Seen, rest: Bools, parameters: Saliency) -> Look:
+    """The same of the ``rest`` (superpixels) alone, by steps 4 to 7: full motion and threshold are its own.
+
+    What did not last in the first look does not last now either.
+    """
+    p, ties = parameters, seen.ties
+    closed = closed_off(graph, ties, seen.motion, rest, p)
+    spread = diffuse(ties.weight, closed, p.diffusion.spread, p.diffusion.tolerance, ties.trust)
+    threshold = thresholds(graph, spread * seen.lasting, ties.contrast, rest, p.threshold)
+    value = log_odds(graph, spread * seen.lasting, threshold, p.threshold)
+    return Look(value, score(threshold, p.threshold))
+
+
+def closed_off(graph: Graph, ties: Ties, motion: OwnMotion, among: Bools, parameters: Saliency) -> Floats:
+    """(superpixels) 0 to 1: moves unlike the camera, and is closed off from the border by motion and by colour.
+
+    Parameters
+    ----------
+    among
+        (superpixels) what is looked at; all else is 0.
+    """
+    scale = parameters.full_motion
+    moves = against_full_motion(graph, motion.speed, among, scale)
+    both = moves * against_full_motion(graph, motion.enclosed, among, scale)
+    return np.asarray(np.sqrt(both) * ties.enclosed * among, np.float64)

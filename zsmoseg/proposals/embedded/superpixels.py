@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.compiling import compiled
 from zsmoseg.errors import SettingsError
 from zsmoseg.proposals.embedded.aliases import Floats, Frames, Segments, Singles
 
@@ -77,7 +77,7 @@ def lab(frame: Frames) -> Singles:
     return np.asarray(cv2.GaussianBlur(colour, (3, 3), 0), np.float32)
 
 
-@nb.njit(cache=True)
+@compiled
 def cluster_pixels(lab: Singles, pitch: float, compactness: float, passes: int) -> Clusters:
     """The local k-means of SLIC in colour and place.
 
@@ -119,7 +119,7 @@ def cluster_pixels(lab: Singles, pitch: float, compactness: float, passes: int) 
     return cluster
 
 
-@nb.njit(cache=True)
+@compiled
 def _add(sums: Floats, lab: Singles, y: int, x: int) -> None:
     """Add place, colour and number of one pixel to the sums (6) of its cluster."""
     sums[0] += y
@@ -130,7 +130,7 @@ def _add(sums: Floats, lab: Singles, y: int, x: int) -> None:
     sums[COUNT] += 1
 
 
-@nb.njit(cache=True)
+@compiled
 def _nearest(
     lab: Singles, centre: Singles, y: int, x: int, i: int, j: int, rows: int, columns: int, place: np.float32
 ) -> int:
@@ -148,7 +148,7 @@ def _nearest(
     return nearest
 
 
-@nb.njit(cache=True)
+@compiled
 def connect(cluster: Clusters, smallest: int) -> Clusters:
     """A number for each connected piece; small ones join the superpixel on their left or above.
 
@@ -185,7 +185,7 @@ def connect(cluster: Clusters, smallest: int) -> Clusters:
     return out
 
 
-@nb.njit(cache=True)
+@compiled
 def _flood(cluster: Clusters, start: int, number: int, out: Clusters, queue: Clusters) -> int:
     """Give ``number`` to the piece of pixel ``start``: breadth first, 4 neighbours; its size, its pixels in ``queue``."""
     height, width = cluster.shape

@@ -57,7 +57,7 @@ def boundary_contrast(graph: Graph, contrast: Contrast) -> Floats:
     return np.asarray(colour * (1 - np.exp(-np.minimum(*graph.edge_flow) / contrast.contrast_flow)))
 
 
-def thresholds(graph: Graph, x: Floats, contrast: Floats, parameters: Threshold) -> Floats:
+def thresholds(graph: Graph, x: Floats, contrast: Floats, among: Bools, parameters: Threshold) -> Floats:
     """(F) the threshold of each frame, over the frames around.
 
     Of ``threshold_bins`` levels the one with the largest product of the share of the variance that lies between
@@ -69,11 +69,13 @@ def thresholds(graph: Graph, x: Floats, contrast: Floats, parameters: Threshold)
         (superpixels) saliency.
     contrast
         (edges) as ``boundary_contrast`` gives it.
+    among
+        (superpixels) what is looked at.
     """
     bins = parameters.threshold_bins
-    top = max(np.quantile(x, TOP), TOP_LEAST)
+    top = max(np.quantile(x[among], TOP), TOP_LEAST) if among.any() else TOP_LEAST
     level = np.clip((x / top * bins).astype(np.int64), 0, bins - 1)
-    on = graph.known.astype(np.float64)[graph.frame]
+    on = (graph.known[graph.frame] & among).astype(np.float64)
     pixels = _histogram(graph, np.arange(len(x)), level, graph.size * on, bins)
     between, enough = _otsu(sum_around(pixels, parameters.window))
     cut = _mean_contrast(graph, level, contrast, on, parameters)
@@ -100,7 +102,7 @@ def _mean_contrast(graph: Graph, level: Ints, contrast: Floats, on: Floats, para
     low, high = np.minimum(level[i], level[j]), np.maximum(level[i], level[j])
 
     def along(count: Floats) -> Floats:
-        count = count * on[i]
+        count = count * on[i] * on[j]
         begun = _histogram(graph, i, low, count, bins) - _histogram(graph, i, high, count, bins)
         return sum_around(np.cumsum(begun, 1), parameters.window)
 

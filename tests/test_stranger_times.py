@@ -1,0 +1,264 @@
+"""Videos whose containers say odd things of times: every frame that decodes, in order, at times that can be believed."""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from coded import Change, evenly, look, numbers, write
+
+from zsmoseg.errors import VideoError
+from zsmoseg.video.frames import read
+from zsmoseg.video.times import settle
+
+ALL = list(range(40))
+FINE = 90_000
+"""Ticks a second of transport streams."""
+
+
+def retick(packet: Any, ticks: int) -> None:
+    """The same times in other units."""
+    scale = packet.time_base * ticks
+    packet.pts, packet.dts = round(packet.pts * scale), round(packet.dts * scale)
+    packet.time_base = Fraction(1, ticks)
+
+
+def at(*places: int, pts: int | None = None, by: int = 0) -> Change:
+    """The packets at some places get another time, in ms."""
+
+    def change(n: int, packet: Any) -> None:
+        retick(packet, 1000)
+        if n in places:
+            packet.pts = packet.dts = packet.pts + by if pts is None else pts
+
+    return change
+
+
+def early(place: int) -> Change:
+    """A packet of a frame is shown when the one before is."""
+
+    def change(n: int, packet: Any) -> None:
+        retick(packet, 1000)
+        packet.pts -= 40 * (n == place)
+
+    return change
+
+
+def always(pts: int, every: int = 0, tick: Fraction = Fraction(1, 1000)) -> Change:
+    def change(n: int, packet: Any) -> None:
+        packet.time_base = tick
+        packet.pts = packet.dts = pts + n * every
+
+    return change
+
+
+def moved(seconds: float) -> Change:
+    def change(n: int, packet: Any) -> None:
+        retick(packet, FINE)
+        packet.pts, packet.dts = packet.pts + int(seconds * FINE), packet.dts + int(seconds * FINE)
+
+    return change
+
+
+def joined(path: Path, *parts: Path) -> Path:
+    path.write_bytes(b"".join(part.read_bytes() for part in parts))
+    return path
+
+
+def hidden(path: Path, late: int = 0) -> Path:
+    """VP8 in which every key frame stands once more before itself and is not shown then."""
+    write(path.with_suffix(".ivf"), codec="libvpx", g="8")
+    with av.open(str(path.with_suffix(".ivf"))) as source, av.open(str(path), "w") as container:
+        stream = container.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(video=0):
+            if packet.is_keyframe and packet.size:
+                data = bytes(packet)
+                twin = av.Packet(bytes([data[0] & ~0x10]) + data[1:])
+                twin.pts, twin.dts, twin.time_base = packet.pts, packet.dts, packet.time_base
+                twin.stream, twin.is_keyframe = stream, True
+                container.mux(twin)
+            if packet.size:
+                packet.stream = stream
+                retick(packet, 1000)
+                packet.pts, packet.dts = packet.pts + late, packet.dts + late
+                container.mux(packet)
+    return path
+
+
+def two(folder: Path, ending: str, codec: str, change: Change | None = None, **options: str) -> Path:
+    """One recording behind the other."""
+    first = write(folder / f"a.{ending}", ALL[:20], codec, **options)
+    second = write(folder / f"b.{ending}", ALL[20:], codec, change=change, **options)
+    return joined(folder / f"joined.{ending}", first, second)
+
+
+MAKERS: dict[str, tuple[Callable[[Path], Path], str]] = {
+    "bare H.264": (lambda p: write(p / "a.h264", bf="2"), "no times that make sense: 25 a second"),
+    "bare H.264, no B": (lambda p: write(p / "a.264", form="h264", bf="0"), "no times that make sense"),
+    "bare HEVC": (lambda p: write(p / "a.hevc", codec="libx265"), "no times that make sense: 25 a second"),
+    "bare MPEG-4": (lambda p: write(p / "a.m4v", codec="mpeg4", bf="2"), ""),
+    "bare MPEG-2": (lambda p: write(p / "a.m2v", codec="mpeg2video", form="mpeg2video", bf="2"), ""),
+    "bare MJPEG": (lambda p: write(p / "a.mjpeg", codec="mjpeg"), ""),
+    "IVF": (lambda p: write(p / "a.ivf", codec="libvpx"), ""),
+    "FLV": (lambda p: write(p / "a.flv", bf="2"), ""),
+    "VOB": (lambda p: write(p / "a.vob", codec="mpeg2video", bf="2"), ""),
+    "transport stream": (lambda p: write(p / "a.ts", bf="2"), ""),
+    "hidden frames, times twice": (lambda p: hidden(p / "a.webm"), ""),
+    "hidden frames, times of their own": (lambda p: hidden(p / "a.webm", late=1), ""),
+    "hidden frames, mkv": (lambda p: hidden(p / "a.mkv"), ""),
+    "a time twice": (
+        lambda p: write(p / "a.mkv", change=at(7, by=-40), bf="0"),
+        "1 of 40 frames carry no time",
+    ),
+    "a time three times": (
+        lambda p: write(p / "a.mkv", change=at(7, 8, pts=240), bf="0"),
+        "2 of 40 frames carry no time",
+    ),
+    "times twice again and again": (
+        lambda p: write(p / "a.mkv", change=at(3, 11, 25, by=-40), bf="0"),
+        "of 40 frames carry no time",
+    ),
+    "a time twice, B": (lambda p: write(p / "a.mkv", change=early(4), bf="2"), "frames carry no time"),
+    "no time but one": (lambda p: write(p / "a.mkv", change=always(0), bf="0"), "no times that make sense"),
+    "ticks too short": (
+        lambda p: write(p / "a.mp4", change=always(0, 1, Fraction(1, 12_800)), bf="0"),
+        "no times that make sense",
+    ),
+    "ticks too long": (
+        lambda p: write(p / "a.mp4", change=always(0, 100_000, Fraction(1, 1000)), bf="0"),
+        "no times that make sense",
+    ),
+    "joined transport streams": (
+        lambda p: two(p, "ts", "libx264", bf="2"),
+        r"jumps or starts again at frame 20: times go on",
+    ),
+    "joined, MPEG-2": (lambda p: two(p, "ts", "mpeg2video", bf="2"), "starts again at frame 20"),
+    "joined, an hour later": (lambda p: two(p, "ts", "libx264", moved(3600)), "jumps or .* at frame 20"),
+    "joined, half a frame later": (lambda p: two(p, "ts", "libx264", moved(0.02)), "at frame 20"),
+    "joined program streams": (
+        lambda p: two(p, "vob", "mpeg2video", bf="2"),
+        "starts again at frame 20",
+    ),
+    "joined thrice": (
+        lambda p: joined(p / "three.ts", *(write(p / f"{n}.ts", ALL[n : n + 14]) for n in (0, 14, 28))),
+        r"at frame 14 and 1 more",
+    ),
+    "joined, bare": (lambda p: two(p, "h264", "libx264", bf="2"), "no times that make sense"),
+}
+
+
+@pytest.mark.parametrize("kind", MAKERS)
+def test_every_frame_comes_in_order_at_even_times_and_what_is_not_believed_is_told(
+    kind: str, tmp_path: Path
+) -> None:
+    make, words = MAKERS[kind]
+    looked = look(make(tmp_path))
+    assert numbers(looked) == ALL
+    assert looked.times[0] == 0
+    assert evenly(looked.times)
+    assert len(looked.notes) == bool(words)
+    assert re.search(words, " ".join(looked.notes))
+
+
+@pytest.mark.parametrize("kind", MAKERS)
+def test_frames_are_found_in_any_order(kind: str, tmp_path: Path) -> None:
+    looked = look(MAKERS[kind][0](tmp_path))
+    whole = list(read(looked, 0, len(ALL)))
+    for n in random.Random(1).sample(ALL, 12):
+        np.testing.assert_array_equal(next(read(looked, n, n + 1)), whole[n])
+
+
+@pytest.mark.parametrize("form", ["ts", "h264"])
+def test_a_size_that_changes_is_named_as_that(form: str, tmp_path: Path) -> None:
+    large = write(tmp_path / f"a.{form}", ALL[:20])
+    small = write(tmp_path / f"b.{form}", ALL[20:], size=(80, 48))
+    path = joined(tmp_path / f"joined.{form}", large, small)
+    with pytest.raises(
+        VideoError,
+        match=r"its size changes at frame 20 \(0\.80 s\) from 160 x 90 to 80 x 48; --end 20f stops before it",
+    ):
+        numbers(look(path))
+    assert numbers(look(path, end="20f")) == ALL[:20]
+
+
+@pytest.mark.parametrize("kind", ["bare H.264", "joined transport streams", "a time twice"])
+def test_damage_is_named_where_frames_have_places_instead_of_times(kind: str, tmp_path: Path) -> None:
+    path = MAKERS[kind][0](tmp_path)
+    data = bytearray(path.read_bytes())
+    for place in range(len(data) * 3 // 5, len(data) * 7 // 10):
+        data[place] ^= 0x5A
+    path.write_bytes(bytes(data))
+    with pytest.raises(
+        VideoError, match=r"is damaged or cut off: frames 0 to \d+ can be decoded, frame \d+ cannot"
+    ):
+        look(path)
+    looked = look(path, allow_truncated=True)
+    assert 10 < len(looked.times) < 40
+    assert numbers(looked) == ALL[: len(looked.times)]
+    assert evenly(looked.times)
+
+
+def test_what_was_recorded_before_the_first_key_frame_is_passed_over(tmp_path: Path) -> None:
+    for form in ("h264", "ts"):
+        whole = write(tmp_path / f"a.{form}", bf="0").read_bytes()
+        with av.open(str(tmp_path / f"a.{form}")) as container:
+            place = [p.pos for p in container.demux(video=0) if p.size][3]
+        (tmp_path / f"late.{form}").write_bytes(whole[place:])
+        looked = look(tmp_path / f"late.{form}")
+        assert numbers(looked) == ALL[12:]
+
+
+@pytest.mark.parametrize("form", ["mkv", "mp4"])
+def test_pauses_of_a_recording_are_kept(form: str, tmp_path: Path) -> None:
+    def paused(n: int, packet: Any) -> None:
+        retick(packet, 1000)
+        packet.pts = packet.dts = packet.pts + (60_000 if n >= 20 else 0)
+
+    looked = look(write(tmp_path / f"a.{form}", change=paused, bf="0"))
+    assert looked.times[20] - looked.times[19] == pytest.approx(60.04)
+    assert looked.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("said", "expected", "restarts", "unsaid"),
+    [
+        ([0, 1, 2, 3], [0, 1, 2, 3], [], 0),
+        ([7, 8, 10, 11], [0, 1, 3, 4], [], 0),
+        ([None, 1, 2, None, 4, None], [0, 1, 2, 3, 4, 5], [], 3),
+        ([0, None, None, None, 4, None, None, None, 8], list(range(9)), [], 6),
+        ([0, 1, 1, 1, 4], [0, 1, 2, 3, 4], [], 2),
+        ([0, 1, 9, 3, 4], [0, 1, 2, 3, 4], [], 1),
+        ([5, 6, 1, 8, 9], [0, 1, 2, 3, 4], [], 1),
+        ([0, 1, 2, 0, 1, 2], [0, 1, 2, 3, 4, 5], [3], 0),
+        ([0, 1, 2, 500, 501, 502], [0, 1, 2, 3, 4, 5], [3], 0),
+        ([0, 1, 2, 500, 501, 0, 1], [0, 1, 2, 3, 4, 5, 6], [3, 5], 0),
+        ([0, 1, 2, None, 0, 1], [0, 1, 2, 3, 4, 5], [4], 1),
+        ([3, 3, 3], [0, 0.04, 0.08], [], 3),
+        ([None, None], [0, 0.04], [], 2),
+        ([1], [0], [], 1),
+        ([-5, -4, -3], [0, 1, 2], [], 0),
+    ],
+)
+def test_times_are_put_right_where_they_are_wrong(
+    said: list[float | None], expected: list[float], restarts: list[int], unsaid: int
+) -> None:
+    clock = settle(said, None, 100)
+    assert clock.times == pytest.approx(expected)
+    assert (clock.restarts, clock.unsaid) == (restarts, unsaid)
+
+
+def test_times_are_always_later_than_those_before_them() -> None:
+    draw = random.Random(0)
+    for _ in range(300):
+        said = [draw.choice([None, draw.uniform(-9, 9), n, n, n]) for n in range(draw.randrange(1, 12))]
+        clock = settle(said, Fraction(draw.randrange(1, 60)), 3)
+        assert len(clock.times) == len(said)
+        assert clock.times[0] == 0
+        assert all(b > a for a, b in zip(clock.times, clock.times[1:], strict=False)), said

@@ -1,0 +1,47 @@
+"""Scripts without a guard: a process that is started loads the script anew, and must not do what the script does."""
+
+from __future__ import annotations
+
+import sys
+from multiprocessing import current_process, get_context
+
+from zsmoseg.errors import ClusterError
+
+UNGUARDED = 75
+"""Exit code of a process that was about to start what started it."""
+
+
+def leave_if_imported_again() -> None:
+    """End this process, without a word, where it is one that loads the script of the process that starts it."""
+    if getattr(current_process(), "_inheriting", False):  # what multiprocessing itself asks
+        raise SystemExit(UNGUARDED)
+
+
+def refuse_unguarded() -> None:
+    """Start one process that does nothing, to see whether more can be started.
+
+    Raises
+    ------
+    ClusterError
+        The script has no guard, or cannot be loaded again.
+    """
+    leave_if_imported_again()
+    trial = get_context("spawn").Process(target=_nothing)
+    trial.start()
+    trial.join()
+    if not trial.exitcode:
+        return
+    script = getattr(sys.modules["__main__"], "__file__", None) or "this program"
+    if trial.exitcode != UNGUARDED:
+        raise ClusterError(
+            f"{script}: cannot be loaded by the processes that it starts (exit code {trial.exitcode}); mend that, or do "
+            "all in this process: scheduler='serial', or workers=1 of evaluate"
+        )
+    raise ClusterError(
+        f"{script}: starts processes, and each of them loads it again; put what it does below if __name__ == '__main__':, "
+        "or do all in this process: scheduler='serial', or workers=1 of evaluate"
+    )
+
+
+def _nothing() -> None:
+    """The script is loaded by now."""
