@@ -162,7 +162,10 @@ def test_a_static_scene_that_a_camera_passes_is_empty_with_the_reason_whoever_pr
     )
     said = capsys.readouterr().out.splitlines()[0]
     measured = ", ".join(f"{name} {first[name]:.2f}" for name in ("front", "error", "parallax", "foot"))
-    assert f"it stands on the ground beside it: {measured}: affinity 1.00 with the world; so it is static" in said
+    assert (
+        f"it stands on the ground beside it: {measured}: affinity 1.00 with the world; so it is static"
+        in said
+    )
     result = open_store(tmp_path / "store")["clip"]
     assert float(result.tree["affinity/affinity"].sel(object=first["object"], other=0)) == 1
 

@@ -74,7 +74,7 @@ def evidence(piece: Row, visible: float) -> str:
 def _measured(piece: Row, visible: float) -> str:
     if piece["geometry"] == "obeys":
         return f"it stands on the ground beside it: {_geometry(piece)}: affinity {piece['world']:.2f} with the world"
-    return f"{_against_world(piece, visible)}{_beside(piece)}"
+    return f"{_beside(piece)}{_against_world(piece, visible)}"
 
 
 def _geometry(piece: Row) -> str:
@@ -88,9 +88,8 @@ def _beside(piece: Row) -> str:
     if piece["geometry"] == "not asked":
         return ""
     if piece["geometry"] == "breaks":
-        return f"; it does not stand on the ground beside it: {_geometry(piece)}"
-    ignored = "" if piece["counts"] else ", so it counts for nothing beside what does"
-    return f"; whether it stands on the ground beside it is not known ({piece['geometry']}){ignored}"
+        return f"it does not stand on the ground beside it: {_geometry(piece)}; "
+    return f"whether it stands on the ground beside it is not known ({piece['geometry']}); "
 
 
 def _against_world(piece: Row, visible: float) -> str:
@@ -108,7 +107,7 @@ def _against_world(piece: Row, visible: float) -> str:
         )
     if piece["counts"]:
         return "no pair of frames shows it against the static world"
-    return "what it costs the static world is left out"
+    return "what it costs the static world counts for nothing beside what stands on the ground"
 
 
 def _decided(piece: Row) -> str:

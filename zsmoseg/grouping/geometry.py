@@ -47,6 +47,8 @@ SPACING = 8
 """px at which tracks start: an object needs some 500 px to be measured."""
 LEAST_WORLD = 40
 """Tracks of the world that a pair needs."""
+PRECISION = 0.1
+"""px, root mean square, that no track is better than: a world that strays less from its epipolar lines counts as if it did."""
 FRONT = 0.9
 """Part of the world that is in front of the camera, if the world is one rigid scene; water is none."""
 FOOT = 1.5
@@ -204,7 +206,7 @@ class World:
 
     def measured(self, mine: Ids) -> Measured:
         """Error, parallax and whether it stands, of the object with the tracks ``mine``; NaN: nothing is below."""
-        error = _spread(self.distance[mine]) / max(_spread(self.distance[self.rows]), TINY)
+        error = _spread(self.distance[mine]) / max(_spread(self.distance[self.rows]), PRECISION)
         most = max(float(np.quantile(self.parallax[self.rows], 0.9)), TINY)
         return error, float(np.median(self.parallax[mine])) / most, self._stands(mine)
 
