@@ -50,6 +50,8 @@ NO_BYTES = {
         if name.split(".")[0] in ("looks", "tags", "selection", "linking", "tracking")
     },
     **{f"networks.{name}": "changes nothing by design" for name in type(Settings().networks).model_fields},
+    "affinity.error": "acts on what a camera passes: tests/test_geometry.py",
+    "affinity.parallax": "acts on what a camera passes: tests/test_geometry.py",
     "groups.weak": "acts on what comes back: tests/test_grouping.py",
     "chunk.length": "changes nothing by design: tests/test_run.py",
 }

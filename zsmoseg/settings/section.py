@@ -20,7 +20,7 @@ def setting(
     default: Any,
     meaning: str,
     unit: str = "",
-    when: tuple[str, ...] = (),
+    when: tuple[Any, ...] = (),
     tasks: tuple[str, ...] = (),
     pattern: tuple[str | None, str] = (None, ""),
     **limits: Any,

@@ -22,7 +22,7 @@ def describe(name: str) -> dict[str, Any]:
     info = model.model_fields[field]
     extra = model.extra(field)
     condition = (
-        f" (only with {section}.{extra['when'][0]} = {' or '.join(extra['when'][1:])})"
+        f" (only with {section}.{extra['when'][0]} = {' or '.join(str(v).lower() for v in extra['when'][1:])})"
         if extra["when"]
         else ""
     )
