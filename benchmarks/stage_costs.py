@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from zsmoseg.settings import resolve
-from zsmoseg.workflows.planning.estimate import REFERENCE
 from zsmoseg.workflows.planning.plan import VideoPlan
+from zsmoseg.workflows.planning.rates import DISPLAYED
 from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.progress import Tally
 from zsmoseg.workflows.running.request import Quiet, Request
@@ -57,7 +57,7 @@ def main() -> None:
     """Print the table."""
     measure(sys.argv[1:2], {"video.end": "20f"})
     count, tally, seconds = measure(sys.argv[1:], {})
-    pixels = sum(len(p.probe.times) * p.probe.width * p.probe.height for p in count.plans) / REFERENCE
+    pixels = sum(len(p.probe.times) * p.probe.width * p.probe.height for p in count.plans) / DISPLAYED
     print(f"{'stage':<11} {'ms/frame':>9} {'kB/frame':>9} {'peak MB':>8}")
     size = 0.0
     for stage, spent, _, memory in tally.rows():

@@ -8,7 +8,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+from cryptography.x509.oid import NameOID
 
 from zsmoseg.workflows.running.jobs import Job, Outcome
 
@@ -25,18 +32,18 @@ def until(condition: Callable[[], bool]) -> None:
 
 
 class Cluster:
-    """A scheduler and workers, each a process without a nanny."""
+    """A scheduler and workers, each a process without a nanny; ``words`` are for all of them."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, *words: str) -> None:
         root.mkdir(exist_ok=True)
-        self.root, self.file = root, root / "scheduler.json"
+        self.root, self.file, self.words = root, root / "scheduler.json", words
         self.workers: list[subprocess.Popen[bytes]] = []
         self.scheduler = self._start("scheduler", "--port", "0", "--scheduler-file", str(self.file))
         until(self.file.exists)
 
     def _start(self, *words: str, first: Sequence[Path] = ()) -> subprocess.Popen[bytes]:
         path = os.pathsep.join(map(str, [*first, TESTS.parent, TESTS]))
-        command = [sys.executable, "-m", "dask", *words, "--host", "127.0.0.1", "--no-dashboard"]
+        command = [sys.executable, "-m", "dask", *words, "--host", "127.0.0.1", "--no-dashboard", *self.words]
         return subprocess.Popen(
             command,
             cwd=self.root,
@@ -64,8 +71,8 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 
 
 @contextmanager
-def cluster(root: Path, workers: int = 1) -> Iterator[Cluster]:
-    made = Cluster(root)
+def cluster(root: Path, workers: int = 1, *words: str) -> Iterator[Cluster]:
+    made = Cluster(root, *words)
     try:
         for _ in range(workers):
             made.worker()
@@ -73,6 +80,25 @@ def cluster(root: Path, workers: int = 1) -> Iterator[Cluster]:
     finally:
         for process in (*made.workers, made.scheduler):
             kill(process)
+
+
+def certificate(root: Path) -> tuple[Path, Path]:
+    """A certificate that signs itself, and its key: what TLS asks of scheduler, workers and clients."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "127.0.0.1")])
+    now = datetime.now(UTC)
+    made = (
+        x509.CertificateBuilder(name, name, key.public_key(), x509.random_serial_number())
+        .not_valid_before(now - timedelta(days=1))
+        .not_valid_after(now + timedelta(days=1))
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    secret = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    paths = root / "certificate.pem", root / "key.pem"
+    for path, content in zip(paths, (made.public_bytes(Encoding.PEM), secret), strict=True):
+        path.write_bytes(content)
+    return paths
 
 
 def job(part: int, out: Path, seconds: float = 0.0, network: bool = False) -> Job:

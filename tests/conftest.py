@@ -86,9 +86,10 @@ def davis() -> Path:
 
 
 @pytest.fixture(autouse=True, scope="session")
-def _as_if_alone() -> Iterator[None]:
-    """No store from outside; no waiting for the disk."""
+def _as_if_alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """No store from outside, no rates of other runs; no waiting for the disk."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         patch.delenv("ZSMOSEG_STORE", raising=False)
         patch.setattr(os, "fsync", lambda _: None)
         yield

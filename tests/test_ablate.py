@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -115,3 +116,29 @@ def test_values_of_a_sweep_are_read_as_settings_are() -> None:
         {"affinity.floor": 0.1},
         {"affinity.floor": 0.2},
     ]
+
+
+def test_published_figures_of_the_dataset_stand_below_and_are_marked(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(data / "videos" / "disc", tmp_path / "DAVIS/JPEGImages/480p/goat")
+    shutil.copytree(data / "truth" / "disc", tmp_path / "DAVIS/Annotations/480p/goat")
+    places = [
+        "--truth",
+        str(tmp_path / "DAVIS"),
+        "--store",
+        str(tmp_path / "store"),
+        "-o",
+        str(tmp_path / "o"),
+    ]
+    words = ["--proposals", str(data / "masks" / "disc"), "--scheduler", "serial", "--sweep", "flow.stride=4"]
+    assert main(["ablate", str(tmp_path / "DAVIS/JPEGImages/480p"), *places, *words]) == 0
+    told = capsys.readouterr().out
+    measured, published = told.split(
+        "published, not computed here: davis-moving-val, all 22 sequences; scored here: 1"
+    )
+    assert "flow.stride = 4" in measured
+    assert "EM (Meunier" not in measured
+    assert "73.18" in published
+    assert "EM (Meunier et al. 2023)" in published
+    assert "EM (Meunier et al. 2023)" in (tmp_path / "o" / "flow.stride.txt").read_text()

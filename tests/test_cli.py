@@ -75,10 +75,10 @@ def test_status_runs_explain_and_verify_tell_what_is_there(
 ) -> None:
     store = ["--store", str(done / "zsmoseg-store")]
     assert "done" in say(["status", *store], capsys)[1]
-    assert "1 videos: disc" in say(["runs", *store], capsys)[1]
+    assert "1 video: disc" in say(["runs", *store], capsys)[1]
     code, out, _ = say(["explain", "disc", *store], capsys)
     assert code == 0, out
-    assert "with the world, the border is 0.50" in out
+    assert "with the world, below the border of 0.50; so it moves" in out
     assert "group 1" in out
     assert say(["verify", *store], capsys)[0] == 0
 
@@ -374,3 +374,23 @@ def test_an_ignored_region_is_never_painted(tmp_path: Path, capsys: pytest.Captu
     warned(tmp_path, draw_clip(0, 8)[0], capsys, "--ignore", str(tmp_path / "ignore.png"))
     for path in (tmp_path / "out" / "clip" / "masks").glob("*.png"):
         assert not (cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[:, 60:100] > 0).any()
+
+
+def test_runs_lists_the_settings_in_which_they_differ(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = write_folder(tmp_path / "disc", draw_clip(0, 5)[0])
+    store = ["--store", str(tmp_path / "store")]
+    words = ["run", str(clip), "-o", str(tmp_path / "out"), *store, "--scheduler", "serial"]
+    main([*words, "--until", "frames"])
+    capsys.readouterr()
+    assert len(say(["runs", *store], capsys)[1].splitlines()) == 1, "one run differs from none"
+    main([*words, "--until", "frames", "--set", "flow.stride=5"])
+    main([*words, "--until", "frames", "--groups", "3"])
+    capsys.readouterr()
+    lines = say(["runs", *store], capsys)[1].splitlines()
+    assert [set(line.strip().split(", ")) for line in lines[1::2]] == [
+        {"flow.stride=4", "groups.count=auto"},
+        {"flow.stride=5", "groups.count=auto"},
+        {"flow.stride=4", "groups.count=3"},
+    ]

@@ -15,6 +15,7 @@ from zsmoseg.datasets.motion_times import read_motion_times
 from zsmoseg.datasets.point_tracks import read_tracks
 from zsmoseg.datasets.published import published_rows, sequence_lists
 from zsmoseg.errors import DatasetError, FormatError
+from zsmoseg.metrics.protocols import PROTOCOLS
 
 MASK = np.kron(np.array([[0, 1], [2, 0]], np.uint8), np.ones((4, 5), np.uint8))
 
@@ -52,10 +53,34 @@ def test_published_lists_have_the_published_lengths() -> None:
 def test_published_figures_are_of_published_lists() -> None:
     assert published_rows()
     for row in published_rows():
-        assert row.benchmark in sequence_lists()
+        protocol = PROTOCOLS[row.protocol]
+        assert row.benchmark in protocol.lists.values()
         assert row.labels in ("multi", "binary")
-        assert len(row.values) == 3
+        assert len(row.values) == len(protocol.published)
+        assert all(1 < value < 100 for value in row.values), "percent"
+        assert row.training
         assert row.source
+    about = [(row.benchmark, row.labels, row.method) for row in published_rows()]
+    assert len(set(about)) == len(about)
+
+
+def test_every_protocol_that_names_published_numbers_has_some() -> None:
+    told = {row.protocol for row in published_rows()}
+    assert told == {name for name, protocol in PROTOCOLS.items() if protocol.published}
+
+
+def test_the_table_of_methods_without_learning_is_that_of_the_board() -> None:
+    text = (Path(__file__).parents[1] / "docs" / "results.md").read_text()
+    table = text.split("## Beside the board of DAVIS 2016")[1].split("\n## ")[0]
+    rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
+    told = [row for row in rows if row[0] not in ("method", "---") and "zsmoseg" not in row[0]]
+    board = [
+        row for row in published_rows() if row.protocol == "davis-2016" and row.training == "no learning"
+    ]
+    assert told == [[row.method, *(f"{value:.1f}" for value in row.values)] for row in board]
+    (ours,) = (row for row in rows if "zsmoseg" in row[0])
+    assert f"| **mean of twelve** | **{ours[1].strip('*')}** |" in text
+    assert "twelve of its twenty" in ours[0]
 
 
 @pytest.mark.parametrize("inner", ["", "Annotations", "Annotations/480p"])

@@ -13,7 +13,8 @@ from zsmoseg.grouping.decisions import BORDER, Reason
 from zsmoseg.grouping.remarks import NO_WORLD, NOTHING, RESTING, together
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import flow_scene
-from zsmoseg.workflows.sentences import MOVES, RESTS, counted, of_piece
+from zsmoseg.workflows.sentences import MOVES, RESTS, of_piece
+from zsmoseg.workflows.wording import counted
 
 CHOICES: list[dict[str, Any]] = [
     {},

@@ -301,8 +301,32 @@ def test_published_figures_stand_beside_and_are_marked(
     assert [(r["method"], r["labels"], r["Pu"], r["Ru"], r["Fu"]) for r in rows] == [
         (r.method, r.labels, *r.values) for r in published_rows() if r.benchmark == "ytvos-moving-val"
     ]
+    assert {row["sequences"] for row in rows} == {"ytvos-moving-val, all 101 sequences"}
     assert main(["evaluate", *map(str, options)]) == 0
     assert "published, not computed here" in capsys.readouterr().out
+
+
+def test_published_figures_are_those_of_the_protocol_and_of_the_whole_list(
+    truth: Path, near: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two sequences of a list are scored: what others reach on all of it says so, in the unit of the board."""
+    found = {}
+    for protocol in ("moving", "davis-2016", "davis-2017"):
+        options = (near, "--truth", truth, "--protocol", protocol)
+        found[protocol] = evaluated(capsys, *options)["published"]
+        for kind in ("text", "markdown", "latex", "csv"):
+            assert main(["evaluate", *map(str, options), "--format", kind]) == 0
+            told = capsys.readouterr().out
+            assert ("published, not computed here" in told) == (kind != "csv" and protocol != "davis-2017")
+    assert found["davis-2017"] == []
+    assert {row["sequences"] for row in found["moving"]} == {
+        "davis-moving-val, all 22 sequences; scored here: 2 of them"
+    }
+    one = found["davis-2016"][0]
+    assert (one["method"], one["J"], one["F"]) == ("ARP", 0.762, 0.706)
+    assert one["sequences"] == "davis-2016-val, all 20 sequences; scored here: 2 of them"
+    options = (near, "--truth", truth, "--sequences", "davis-moving-train")
+    assert main(["evaluate", *map(str, options)]) == 2, "a list that the dataset does not have"
 
 
 def test_every_format_holds_the_numbers_and_the_rules(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import hashlib
 import io
 import json
@@ -22,6 +21,7 @@ from typing import Any
 import numpy as np
 import onnx
 import pytest
+from filelock import FileLock
 from onnx import TensorProto, helper, numpy_helper
 
 from zsmoseg.errors import ModelError
@@ -529,8 +529,7 @@ def test_two_processes_do_not_put_one_model_together(
 ) -> None:
     work = staging(cache / "toy")
     work.mkdir(parents=True)
-    with (work / ".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with FileLock(work.with_name(f"{work.name}.lock")):
         assert "wait for it" in refused(capsys, "fetch", "toy")
     assert main(["models", "fetch", "toy"]) == 0
 

@@ -19,11 +19,12 @@ from zsmoseg.stores.records import as_json, read_json
 from zsmoseg.stores.runs import DONE, Entry, entries, latest, read_run
 from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.object_numbers import objects, objects_of_pieces
-from zsmoseg.workflows.shown import as_html, as_text, counted
+from zsmoseg.workflows.shown import as_html, as_text
 from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 from zsmoseg.workflows.stages.proposed.objects import MaskObjects, object_names
+from zsmoseg.workflows.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,7 +83,8 @@ class Result:
             if "groups" not in self.keys:
                 return [about, f"stopped early (--until), has {', '.join(self.keys)}: tree, artifact(stage)"]
             groups = self.groups
-            objects = counted(int((groups.area[1:] > 0).sum()), "object")
+            seen = np.unique(objects_of_pieces(groups)[groups.area > 0])
+            objects = counted(int(np.count_nonzero(seen)), "object")
             moving = counted(len(np.unique(groups.group[groups.group > 0])), "moving group")
             return [about, f"{objects}, {moving}", *(f"warning: {text}" for text in self.warnings), READ]
         except ZsmosegError as error:
@@ -117,7 +119,7 @@ class Result:
     def masks(self, kind: Kind = "moving") -> xr.DataArray:
         """Masks (frame, y, x) called ``kind``, read when used.
 
-        ``moving`` is bool; ``group`` and ``instance`` are the smallest unsigned integers that hold them, 0 = static.
+        ``moving`` is bool; ``group`` and ``instance`` (objects) are the smallest unsigned integers that hold them, 0 = static.
 
         Raises
         ------

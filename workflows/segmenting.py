@@ -11,10 +11,10 @@ from zsmoseg.errors import SettingsError, StageError, VideoError
 from zsmoseg.remote.url import folder
 from zsmoseg.settings import Settings, resolve
 from zsmoseg.workflows.result import Result, open_store
+from zsmoseg.workflows.running.callback import Progress, Told
 from zsmoseg.workflows.running.progress import make_watcher
 from zsmoseg.workflows.running.request import Quiet, Request, Watcher
 from zsmoseg.workflows.running.run import found_in, run
-from zsmoseg.workflows.running.told import Progress, Told
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -7,6 +7,7 @@ from math import isfinite
 from typing import Any
 
 from zsmoseg.grouping.decisions import BORDER, Reason
+from zsmoseg.workflows.wording import counted
 
 Row = Mapping[str, Any]
 """Of the table ``Result.objects`` or ``Result.pieces``."""
@@ -29,11 +30,6 @@ RESTS = {
     Reason.CUES: "it is static by the affinity of the kernel and the cues chosen",
     Reason.CLUSTERS: "it is static, for the clusters of the affinity have it with the background",
 }
-
-
-def counted(number: int, what: str) -> str:
-    """``1 frame``, ``2 frames``."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def of_object(thing: Row, pieces: Sequence[Row], visible: float) -> Iterator[str]:

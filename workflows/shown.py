@@ -14,8 +14,3 @@ def as_text(title: str, lines: Sequence[str]) -> str:
 def as_html(title: str, lines: Sequence[str], table: str = "") -> str:
     """The title, a list, and a table that is HTML already."""
     return f"<b>{escape(title)}</b><ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>{table}"
-
-
-def counted(number: int, what: str) -> str:
-    """``1 frame``, ``2 frames``."""
-    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -6,9 +6,19 @@
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+_HERE = Path(__file__).parent
+if not ((_HERE / "stores").is_dir() and (_HERE / "workflows").is_dir()):  # a checkout without symbolic links
+    if not ((_HERE.parent / "stores").is_dir() and (_HERE.parent / "workflows").is_dir()):
+        raise ImportError(
+            f"{_HERE}: stores and workflows are missing, as when it is installed from a checkout without symbolic links; "
+            "clone it with git clone -c core.symlinks=true and install that"
+        )
+    __path__.append(str(_HERE.parent))
 
 _OFFERED = {
     "segment": ("zsmoseg.workflows.segmenting", "segment"),

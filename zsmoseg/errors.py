@@ -29,6 +29,10 @@ from zsmoseg.remote.refusals import is_remote_error
 class ZsmosegError(Exception):
     """Base of every error that is meant for users; commands print it as one line and exit with 2."""
 
+    def __str__(self) -> str:
+        """One line, whatever libraries and names had to say in it."""
+        return " ".join(line.strip() for line in super().__str__().splitlines())
+
 
 class SettingsError(ZsmosegError):
     """A setting, preset or option is unknown, of the wrong type or out of range."""

@@ -101,7 +101,7 @@ def listing(path: PurePath) -> Mapping[str, Stat]:
                     waiting.append((f"{front}{entry.name}/", entry.path))
                     continue
                 with suppress(FileNotFoundError):
-                    found[front + entry.name] = _stat(entry.stat(follow_symlinks=False))
+                    found[front + entry.name] = _stat(os.lstat(entry.path))
     return found
 
 
@@ -117,7 +117,7 @@ def make_folder(path: PurePath) -> None:
 
 
 def touch(path: PurePath) -> None:
-    os.utime(path, follow_symlinks=False)
+    os.utime(path, follow_symlinks=os.utime not in os.supports_follow_symlinks)
 
 
 def zarr_store(path: PurePath) -> str:

@@ -70,6 +70,7 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.settings import resolve
     from zsmoseg.stores.output import Output
     from zsmoseg.workflows.ablation import PROTOCOL, ablate, cues, paper_steps
+    from zsmoseg.workflows.evaluate.report_tables import aligned, published_tables
     from zsmoseg.workflows.running.progress import Steps
     from zsmoseg.workflows.running.request import Request
 
@@ -93,7 +94,7 @@ def main(options: argparse.Namespace) -> int:
     output.claim({})
     for name, variants in sweeps.items():
         board = ablate(request, *given, variants, dataset, Steps())
-        print(*_means(board, variants), sep="\n")
+        print(*_means(board, variants), *map(aligned, published_tables(board)), sep="\n")
         file = f"{name}{REPORTS[options.format].ending}"
         output.write(file, render(board, options.format).encode(), name)
         if options.sweep:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from zsmoseg.workflows.evaluate.scoreboard import FEWEST, Scoreboard, as_json, describe, differences
+from zsmoseg.workflows.evaluate.scoreboard import FEWEST, Scoreboard, as_json, describe, differences, in_unit
 
 
 class Table(NamedTuple):
@@ -28,18 +28,28 @@ def tables(board: Scoreboard) -> list[Table]:
     if several:
         rows = [[name, *_numbers(board, board.mean(name))] for name in board.methods]
         found += [Table("means", ["method", *board.metrics], rows), _differences(board)]
-    published = board.published()
-    if published:
-        rows = [[r.method, r.labels, *(f"{v:.2f}" for v in r.values), r.source] for r in published]
-        title = f"published, not computed here: {board.benchmark}, as printed in the source"
-        found.append(Table(title, ["method", "labels", *board.rules.entry.published, "source"], rows))
-    return found
+    return [*found, *published_tables(board)]
+
+
+def published_tables(board: Scoreboard) -> list[Table]:
+    """What is published under the same protocol, apart from what was measured; none where nothing is."""
+    rows = [
+        [row.method, row.training, row.labels]
+        + [
+            _number(board, metric, in_unit(board, value))
+            for metric, value in zip(board.rules.entry.published, row.values, strict=True)
+        ]
+        + [row.source]
+        for row in board.published()
+    ]
+    heads = ["published", "training", "labels", *board.rules.entry.published, "source"]
+    return [Table(f"published, not computed here: {board.published_on()}", heads, rows)] if rows else []
 
 
 def as_text(board: Scoreboard) -> str:
     """For the terminal."""
     about = [f"{key}: {value}" for key, value in _about(board)]
-    return "\n".join([*about, *("\n" + _aligned(table) for table in tables(board))])
+    return "\n".join([*about, *("\n" + aligned(table) for table in tables(board))])
 
 
 def as_csv(board: Scoreboard) -> str:
@@ -118,7 +128,8 @@ def _number(board: Scoreboard, metric: str, value: float, sign: str = "") -> str
     return "-" if math.isnan(value) else f"{value:{sign}.{digits}f}"
 
 
-def _aligned(table: Table) -> str:
+def aligned(table: Table) -> str:
+    """Its title and its rows, in columns."""
     grid = [list(table.heads), *map(list, table.rows)]
     widths = [max(len(row[n]) for row in grid) for n in range(len(table.heads))]
     rows = [

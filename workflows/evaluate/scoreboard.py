@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.datasets.published import PublishedRow, published_rows
+from zsmoseg.datasets.published import PublishedRow, published_rows, sequence_lists
 from zsmoseg.metrics.clips import SequenceScore
 from zsmoseg.metrics.means import mean_scores
 from zsmoseg.metrics.protocols import Protocol, Rules
@@ -45,7 +45,7 @@ class Scoreboard:
     Attributes
     ----------
     truth, sequences : the dataset, and which sequences, in words.
-    benchmark : the published list that the sequences are, or nothing.
+    benchmark : the published list that some of the sequences are in, or nothing.
     metrics : names of the numbers.
     methods : scores by method and sequence.
     notes : what a reader should know.
@@ -71,8 +71,21 @@ class Scoreboard:
         return sum(score.count == 1 for score in next(iter(self.methods.values())).values())
 
     def published(self) -> list[PublishedRow]:
-        """Published figures on the same list of sequences."""
-        return [r for r in published_rows() if self.rules.entry.published and r.benchmark == self.benchmark]
+        """What others reach by the same protocol on all of the same list."""
+        return [
+            row
+            for row in published_rows()
+            if (row.protocol, row.benchmark) == (self.rules.protocol, self.benchmark)
+        ]
+
+    def published_on(self) -> str:
+        """On which sequences that is, and on which of them this board is."""
+        listed = set(sequence_lists()[self.benchmark])
+        names = next(iter(self.methods.values())).keys()
+        scored = len(listed & names)
+        more = f", {len(names)} in all" if len(names) > scored else ""
+        here = "" if names == listed else f"; scored here: {scored} of them{more}"
+        return f"{self.benchmark}, all {len(listed)} sequences{here}"
 
 
 def differences(board: Scoreboard) -> list[Difference]:
@@ -101,11 +114,7 @@ def as_json(board: Scoreboard) -> dict[str, Any]:
         "differences": [
             _finite(d._asdict() | {"confidence": CONFIDENCE, "clear": d.clear}) for d in differences(board)
         ],
-        "published": [
-            {"method": r.method, "labels": r.labels, "source": r.source}
-            | dict(zip(board.rules.entry.published, r.values, strict=True))
-            for r in board.published()
-        ],
+        "published": [_published_json(board, row) for row in board.published()],
     }
 
 
@@ -129,6 +138,21 @@ def describe(board: Scoreboard) -> dict[str, str]:
     if board.notes:
         words["notes"] = "; ".join(board.notes)
     return words
+
+
+def in_unit(board: Scoreboard, percent: float) -> float:
+    """A published number, in percent, as the board has its own."""
+    return percent if board.rules.entry.unit == "percent" else percent / 100
+
+
+def _published_json(board: Scoreboard, row: PublishedRow) -> dict[str, Any]:
+    values = [round(in_unit(board, value), 6) for value in row.values]
+    about = {name: getattr(row, name) for name in ("method", "training", "labels", "source")}
+    return {
+        **about,
+        "sequences": board.published_on(),
+        **dict(zip(board.rules.entry.published, values, strict=True)),
+    }
 
 
 def _method_json(board: Scoreboard, name: str) -> dict[str, Any]:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import shutil
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from zsmoseg.errors import ModelError, SpaceError
 from zsmoseg.networks.contract import NAME
 from zsmoseg.workflows.models.place import staging
 
 LOCK = ".lock"
+"""Beside the folder: on Windows what lies in a folder and is open keeps it where it is."""
 
 
 @contextmanager
@@ -38,14 +40,16 @@ def put_together(target: Path, keep: bool = False) -> Iterator[Path]:
     work = staging(target)
     try:
         work.mkdir(parents=True, exist_ok=True)
-        with (work / LOCK).open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock = work.with_name(work.name + LOCK)
+        with FileLock(lock, timeout=0):
             try:
                 yield work
             finally:
-                if work.is_dir() and (not keep or [p.name for p in work.iterdir()] == [LOCK]):
+                if work.is_dir() and not (keep and any(work.iterdir())):
                     shutil.rmtree(work)
-    except BlockingIOError as error:
+                with suppress(OSError):  # Windows takes it away when it is let go
+                    lock.unlink()
+    except Timeout as error:
         raise ModelError(f"{target}: another zsmoseg models is putting it together; wait for it") from error
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):

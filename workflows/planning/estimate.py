@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 from zsmoseg.errors import SpaceError
 from zsmoseg.networks.contract import Contract
 from zsmoseg.networks.references import contract_at
 from zsmoseg.stores import files
+from zsmoseg.workflows.planning.compiled import EACH
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
+from zsmoseg.workflows.planning.rates import Rates, Use, work
 from zsmoseg.workflows.stage import working_size
+from zsmoseg.workflows.wording import counted, duration, megabytes
 
-REFERENCE = 480 * 854
 PROCESS = 350e6
 """Bytes of a worker that has loaded and compiled everything, and holds nothing (``benchmarks/stage_memory.py``)."""
 SHOWN = 12
@@ -25,24 +27,47 @@ RESERVE = 64 * 2**20
 
 @dataclass(frozen=True)
 class Estimate:
-    """One core's seconds, bytes on disk, whether they were measured here (else: typical figures); bytes of a worker.
+    """What a run takes.
 
-    ``videos`` of which the first ``looked`` were looked at.
+    Attributes
+    ----------
+    seconds, wall
+        Of all tasks: of the processor, and by the clock, one after the other.
+    chain
+        Seconds by the clock of what cannot be done at once.
+    size, memory
+        Bytes on disk, and of a worker.
+    measured
+        All rates were measured on this machine; else some are typical figures.
+    compiles
+        Functions that must be compiled first.
+    looked, videos
+        The ``videos`` are judged by the first ``looked`` of them.
+    lasts, workers
+        Seconds from here to the end, with so many workers; None where nobody knows how many there will be.
     """
 
-    seconds: float
-    size: int
-    measured: bool
+    seconds: float = 0.0
+    wall: float = 0.0
+    chain: float = 0.0
+    size: int = 0
     memory: float = 0.0
+    measured: bool = True
+    compiles: frozenset[str] = frozenset()
     looked: int = 0
     videos: int = 0
+    lasts: float | None = None
+    workers: int = 1
 
     def __add__(self, other: Estimate) -> Estimate:
         return Estimate(
             self.seconds + other.seconds,
+            self.wall + other.wall,
+            max(self.chain, other.chain),
             self.size + other.size,
-            self.measured and other.measured,
             max(self.memory, other.memory),
+            self.measured and other.measured,
+            self.compiles | other.compiles,
         )
 
     @property
@@ -50,65 +75,55 @@ class Estimate:
         """How many videos it is of, in words; nothing where all were looked at."""
         return f", by the first {self.looked} of {self.videos} videos" if self.looked < self.videos else ""
 
+    @property
+    def compiling(self) -> float:
+        """Seconds that compiling takes."""
+        return EACH * len(self.compiles)
+
     def of(self, looked: int, videos: int) -> Estimate:
         """For ``videos`` videos of which the first ``looked`` take this."""
         scale = videos / max(looked, 1)
-        return Estimate(
-            self.seconds * scale, int(self.size * scale), self.measured, self.memory, looked, videos
+        return replace(
+            self,
+            seconds=self.seconds * scale,
+            wall=self.wall * scale,
+            size=int(self.size * scale),
+            looked=looked,
+            videos=videos,
         )
 
+    def with_workers(self, workers: int, use: Use) -> Estimate:
+        """How long it lasts on so many workers of one kind."""
+        lasts = use.start + self.compiling + max(self.wall / workers / use.share, self.chain)
+        return replace(self, lasts=lasts, workers=workers)
 
-Rates = dict[str, tuple[float, float] | None]
-"""Seconds and bytes a frame of 480p by stage, as they were measured; None where they were not."""
 
-
-def estimate(plans: Sequence[VideoPlan], rates: Rates | None = None) -> Estimate:
-    """Sum over all parts to do, by frames and pixels; ``rates`` keeps what was measured from one call to the next."""
-    seconds, size, measured = 0.0, 0, True
-    rates = {} if rates is None else rates
+def estimate(plans: Sequence[VideoPlan], rates: Rates) -> Estimate:
+    """Sum over all parts to do, by frames and pixels."""
+    guess = Estimate()
     for plan in plans:
+        chain = 0.0
         for stage in plan.stages.values():
             if not stage.todo:
                 continue
-            name = stage.stage.name
-            if name not in rates:
-                rates[name] = _measured(plan, stage)
-            scale = stage.frames_todo * plan.probe.width * plan.probe.height / REFERENCE
-            measured &= rates[name] is not None
-            per_frame, per_size = _rate(stage, rates)
-            seconds += per_frame * scale
-            size += int(per_size * scale)
-    return Estimate(seconds, size, measured, worker_memory(plans))
-
-
-def _rate(stage: StagePlan, rates: Rates) -> tuple[float, float]:
-    """Seconds and bytes a frame of 480p, measured or typical."""
-    return rates.get(stage.stage.name) or (stage.stage.cost[0] / 1e3, stage.stage.cost[1] * 1e3)
+            rate, frames = rates.of(stage), work(plan, stage, stage.frames_todo)
+            longest = max(part_seconds(plan, stage, part, rates) for part in stage.todo)
+            chain += rate.wall * frames if stage.stage.follows else longest
+            guess += Estimate(
+                rate.processor * frames,
+                rate.wall * frames,
+                size=int(rate.size * frames),
+                measured=rate.measured,
+                compiles=rates.missing(stage.stage.task.__module__),
+            )
+        guess += Estimate(chain=chain)
+    return guess + Estimate(memory=worker_memory(plans))
 
 
 def part_seconds(plan: VideoPlan, stage: StagePlan, part: int, rates: Rates) -> float:
-    """What one part takes."""
+    """What one part takes by the clock."""
     start, stop = stage.parts[part]
-    return _rate(stage, rates)[0] * (stop - start) * plan.probe.width * plan.probe.height / REFERENCE
-
-
-def _measured(plan: VideoPlan, stage: StagePlan) -> tuple[float, float] | None:
-    """Seconds and bytes a frame of 480p from finished parts of this stage in this video, other settings too."""
-    if stage.artifact is None:
-        return None
-    frames, seconds, size = 0, 0.0, 0
-    for artifact in stage.artifact.siblings():
-        for (start, stop), record in zip(
-            artifact.parts, map(artifact.part, range(len(artifact.parts))), strict=True
-        ):
-            if record is not None and "seconds" in record.facts:
-                frames += stop - start
-                seconds += record.facts["seconds"]
-                size += sum(f["size"] for f in record.files.values())
-    if not frames:
-        return None
-    scale = frames * plan.probe.width * plan.probe.height / REFERENCE
-    return seconds / scale, size / scale
+    return rates.of(stage).wall * work(plan, stage, stop - start)
 
 
 def refuse_full_disk(store: PurePath, guess: Estimate) -> None:
@@ -121,13 +136,19 @@ def refuse_full_disk(store: PurePath, guess: Estimate) -> None:
         )
 
 
-def estimate_line(guess: Estimate) -> str:
+def estimate_lines(guess: Estimate) -> list[str]:
     """The estimate in words."""
-    kind = "measured here" if guess.measured else "typical figures"
-    return (
-        f"estimate: {guess.seconds:.0f} s on one core, {guess.size / 1e6:.0f} MB on disk ({kind}{guess.many}), "
-        f"at most about {guess.memory / 1e6:.0f} MB of memory a worker"
+    if not guess.wall:
+        return ["nothing to do"]
+    kind = "measured on this machine" if guess.measured else "typical figures"
+    workers = f" with {counted(guess.workers, 'worker')}" if guess.workers > 1 else ""
+    lasts = "" if guess.lasts is None else f"about {duration(guess.lasts)}{workers}, "
+    line = (
+        f"estimate: {lasts}{duration(guess.seconds)} of processor time, {megabytes(guess.size)} on disk "
+        f"({kind}{guess.many}), at most about {megabytes(guess.memory)} of memory a worker"
     )
+    compiling = [f"compiling, once, about {duration(guess.compiling)}"] if guess.compiles else []
+    return [line, *compiling]
 
 
 def models_of(plans: Sequence[VideoPlan]) -> set[str]:

@@ -26,6 +26,7 @@ from zsmoseg.workflows.imports.record import Brought
 from zsmoseg.workflows.imports.settling import settle
 from zsmoseg.workflows.stage import ALL, Stage, description, working_size
 from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
+from zsmoseg.workflows.wording import counted
 
 
 @dataclass
@@ -299,14 +300,14 @@ def _what_changed(plan: VideoPlan, stage: StagePlan) -> str:
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """``setting flow.stride: 4 -> 5`` for every setting that differs."""
     return [
-        f"setting {section}.{name}: {_in_words(old.get(section, {}).get(name))} -> {_in_words(value)}"
+        f"setting {section}.{name}: {shown(old.get(section, {}).get(name))} -> {shown(value)}"
         for section, fields in new.items()
         for name, value in fields.items()
         if old.get(section, {}).get(name, value) != value
     ]
 
 
-def _in_words(value: Any) -> str:
+def shown(value: Any) -> str:
     """A value as it is shown: short, and of a model its name and the front of its digest."""
     return shorten(str(in_words(value)), 80, placeholder=" ...")
 
@@ -316,12 +317,13 @@ def explain_plan(plans: Sequence[VideoPlan]) -> list[str]:
     lines = []
     for plan in plans:
         done = [s.stage.name for s in plan.stages.values() if not s.todo]
-        lines.append(f"{plan.name}: {len(plan.probe.times)} frames, {plan.todo} parts to do")
+        frames, parts = counted(len(plan.probe.times), "frame"), counted(plan.todo, "part")
+        lines.append(f"{plan.name}: {frames}, {parts} to do")
         for reason, group in groupby((s for s in plan.stages.values() if s.todo), key=lambda s: s.reason):
             stages = list(group)
             names = ", ".join(s.stage.name for s in stages)
             count = sum(len(s.todo) for s in stages)
-            lines.append(f"  {names} ({count} part{'' if count == 1 else 's'}): {reason}")
+            lines.append(f"  {names} ({counted(count, 'part')}): {reason}")
         if done:
             lines.append(f"  done: {', '.join(done)}")
     return lines

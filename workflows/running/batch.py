@@ -6,14 +6,16 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Any
 
 from zsmoseg.errors import AccessError, StageError, StoreError, ZsmosegError, in_words, stops_all
 from zsmoseg.stores import files, seen
 from zsmoseg.stores.leases import lease
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.runs import DONE, FAILED, RUNNING, Entry, RunRecord
-from zsmoseg.workflows.planning.estimate import Estimate, Rates, estimate, refuse_full_disk
+from zsmoseg.workflows.planning.estimate import Estimate, estimate, refuse_full_disk
 from zsmoseg.workflows.planning.plan import VideoPlan
+from zsmoseg.workflows.planning.rates import Rates, Taken, work
 from zsmoseg.workflows.running.artifacts import prepare, seal_video
 from zsmoseg.workflows.running.choosing import Named
 from zsmoseg.workflows.running.first_look import make_plan
@@ -42,7 +44,7 @@ class Batch:
     ) -> None:
         self.request, self.store, self.report, self.watcher = request, store, report, watcher
         self.record: RunRecord | None = None
-        self.rates: Rates = {}
+        self.rates = Rates.load()
         self._alone, self._size = alone, len(meant)
         self._coming = deque(meant)
         self._held: dict[str, Callable[[], bool]] = {}  # by name: whether what it waits for goes on
@@ -227,8 +229,17 @@ class Batch:
             self.fail(plan, Failure.of(error, plan.source), error)
             return
         self._leave(plan)
+        self._count(plan, summary)
         self.report.finish(plan.name, summary)
         self.watcher.finished(plan, summary)
+
+    def _count(self, plan: VideoPlan, summary: dict[str, Any] | None) -> None:
+        """Keep what the artifacts that were computed take on the disk, for estimates to come."""
+        if plan.settled is None and summary is not None:
+            for name, took in summary["stages"].items():
+                stage = plan.stages[name]
+                size, frames = took["megabytes"] * 1e6, len(plan.probe.times)
+                self.rates.sized(stage, Taken(size=size, kept=work(plan, stage, frames)))
 
     def fail(self, plan: VideoPlan, failure: Failure, error: Exception | None = None) -> None:
         """Note that a video failed, by ``error`` if the client saw it.

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 from zsmoseg.errors import ZsmosegError
 from zsmoseg.stores import files
-from zsmoseg.workflows.planning.estimate import Rates, part_seconds
+from zsmoseg.workflows.planning.estimate import part_seconds
 from zsmoseg.workflows.planning.plan import VideoPlan
+from zsmoseg.workflows.planning.rates import Rates, Taken, work
 from zsmoseg.workflows.running.batch import Batch
 from zsmoseg.workflows.running.deadlines import deadline
 from zsmoseg.workflows.running.executors import Executor
@@ -42,6 +43,7 @@ class Drive:
         self._executor, self._batch, self._first = executor, batch, first
         self._running: dict[str, _Running] = {}
         self._videos = self._taken = 0
+        self.useful = 0.0  # seconds by the clock that tasks had
 
     def run(self) -> None:
         """Until nothing is left.
@@ -91,6 +93,7 @@ class Drive:
         video = self._running.pop(name)
         job = video.left.pop(name)
         video.names.append(name)
+        self._count(video.plan, job, outcome)
         _note(video, job, outcome, self._batch.watcher)
         if outcome.stops:
             raise ZsmosegError(outcome.error)
@@ -102,6 +105,16 @@ class Drive:
             self._batch.fail(video.plan, video.failure)
         else:
             self._batch.finish(video.plan)
+
+    def _count(self, plan: VideoPlan, job: Job, outcome: Outcome) -> None:
+        """Keep what a job took, for estimates to come."""
+        self.useful += outcome.wall + outcome.warm_up
+        if outcome.state == "done" and not outcome.found:
+            stage, frames = plan.stages[job.stage], job.stop - job.start
+            done, written = work(plan, stage, frames), (outcome.facts or {}).get("files", {})
+            size = float(sum(file["size"] for file in written.values()))
+            taken = Taken(outcome.seconds, outcome.wall, done, size, done if written else 0.0)
+            self._batch.rates.add(stage, taken)
 
 
 def _note(video: _Running, job: Job, outcome: Outcome, watcher: Watcher) -> None:

@@ -54,6 +54,7 @@ class Events:
             videos=guess.videos,
             looked=guess.looked,
             seconds=round(guess.seconds, 3),
+            lasts=None if guess.lasts is None else round(guess.lasts, 3),
             megabytes=round(guess.size / 1e6, 3),
         )
         self.watcher.estimated(guess)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import resource
 import sys
-import time
+import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from zsmoseg.stores.arrays import Arrays
     from zsmoseg.stores.artifact import Artifact
     from zsmoseg.stores.location import Store
+    from zsmoseg.workflows.running.warming import Clock
     from zsmoseg.workflows.stage import Part, Stage
 
 AGAIN = "run the same command again"
@@ -64,11 +64,15 @@ class Job:
 class Outcome:
     """What became of a job: done, failed (why) or skipped because something before it failed.
 
-    ``stops``: no other job would fare better.
+    ``seconds`` of the processor and ``wall`` of the clock, without ``warm_up``: networks opened, functions compiled;
+    ``found``: another run had done it; ``stops``: no other job would fare better.
     """
 
     state: str
     seconds: float = 0.0
+    wall: float = 0.0
+    warm_up: float = 0.0
+    found: bool = False
     memory_mb: float = 0.0
     facts: Mapping[str, Any] | None = None
     error: str = ""
@@ -104,10 +108,11 @@ def _run(job: Job) -> Outcome:
     from zsmoseg.stores.location import Store
     from zsmoseg.video.probe import Probe
     from zsmoseg.workflows.running.trust import refuse_changed
+    from zsmoseg.workflows.running.warming import Clock
     from zsmoseg.workflows.stage import Part
     from zsmoseg.workflows.stages.graph import GRAPHS
 
-    clock = time.process_time()
+    clock = Clock()
     stage, store = GRAPHS[job.graph][job.stage], Store.open(job.store, create=False)
     looked = store.video(job.video).probe(job.frames)
     if looked is None:
@@ -122,22 +127,28 @@ def _run(job: Job) -> Outcome:
     )
     artifact = store.artifact(job.video, job.stage, job.key)
     if not stage.output and not part_problem(artifact, job.part):
-        return Outcome("done", time.process_time() - clock, peak_memory_mb())
+        return _done(clock, part, found=True)
     sections = stage.chosen(Settings.model_validate(dict(job.settings)))
     left = stage.task(part, _inputs(job, stage, store), sections)
     if stage.output:
         with errors_in_words(part.out):
             list(left)
         refuse_changed(job.promise, job.stage, part, sections, store)
-        return Outcome("done", time.process_time() - clock, peak_memory_mb(), part.facts)
+        return _done(clock, part, facts=part.facts)
 
     def facts() -> dict[str, Any]:
         refuse_changed(job.promise, job.stage, part, sections, store)
-        warm_up = {"warm_up": round(part.warm_up, 4)} if part.opened else {}
-        return {**part.facts, **warm_up, "seconds": round(time.process_time() - clock - part.warm_up, 4)}
+        seconds, _, warm_up = clock.taken(part.warm_up)
+        told = {"warm_up": round(warm_up, 4)} if part.opened or warm_up else {}
+        return {**part.facts, **told, "seconds": round(seconds, 4)}
 
     _keep(job, artifact, stage, part, left, facts)
-    return Outcome("done", time.process_time() - clock - part.warm_up, peak_memory_mb())
+    return _done(clock, part)
+
+
+def _done(clock: Clock, part: Part, **more: Any) -> Outcome:
+    seconds, wall, warm_up = clock.taken(part.warm_up)
+    return Outcome("done", seconds, wall, warm_up, memory_mb=peak_memory_mb(), **more)
 
 
 def _keep(
@@ -199,18 +210,40 @@ def _before(job: Job, stage: Stage[Any, Any], store: Store) -> Any:
     return stage.leaves.read(artifact, *artifact.parts[job.part - 1])
 
 
+class _OneThread:
+    """What ``one_thread`` found: the first task of a process that enters limits it, the last one that leaves puts it back."""
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self._limits = threading.Lock(), 0, ExitStack()
+
+    def enter(self) -> None:
+        import cv2
+
+        with self._lock:
+            if not self._inside:
+                self._limits.callback(cv2.setNumThreads, cv2.getNumThreads())
+                cv2.setNumThreads(1)
+                self._limits.enter_context(_thread_pools().limit(limits=1))
+            self._inside += 1
+
+    def leave(self) -> None:
+        with self._lock:
+            self._inside -= 1
+            if not self._inside:
+                self._limits.close()
+
+
+_ONE_THREAD = _OneThread()
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
     """OpenCV and BLAS in one thread: more would crowd the cores, and sums must not depend on their number."""
-    import cv2
-
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
+    _ONE_THREAD.enter()
     try:
-        with _thread_pools().limit(limits=1):
-            yield
+        yield
     finally:
-        cv2.setNumThreads(before)
+        _ONE_THREAD.leave()
 
 
 @cache
@@ -224,5 +257,11 @@ def _thread_pools() -> Any:
 
 def peak_memory_mb() -> float:
     """Largest resident size of this process so far."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return round(peak / (2**20 if sys.platform == "darwin" else 2**10), 1)
+    try:
+        from resource import RUSAGE_SELF, getrusage
+    except ImportError:  # Windows
+        import psutil
+
+        told = psutil.Process().memory_info()
+        return round(float(getattr(told, "peak_wset", told.rss)) / 2**20, 1)
+    return round(getrusage(RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10), 1)

@@ -6,19 +6,27 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Mapping
+from threading import Event, Thread
 from types import TracebackType
 from typing import Any, Self, TextIO
 
 from zsmoseg.workflows.imports.told import brought_lines
-from zsmoseg.workflows.planning.estimate import Estimate, estimate_line
+from zsmoseg.workflows.planning.estimate import Estimate, estimate_lines
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan
+from zsmoseg.workflows.planning.rates import Rates
+from zsmoseg.workflows.running.course import Course
 from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.request import Quiet
+from zsmoseg.workflows.wording import counted
 
 SHOWN = 6
 """Videos whose plan is printed in full before a run, and names in a row of a table."""
 NAMES = 40
 """Letters of the column of names."""
+EVERY = 8.0
+"""Seconds after which plain lines say how far a run is."""
+TICK = 1.0
+"""Seconds from one look at the clock to the next."""
 
 
 class Tally:
@@ -28,6 +36,7 @@ class Tally:
         self.seconds: dict[str, float] = defaultdict(float)
         self.frames: dict[str, int] = defaultdict(int)
         self.memory: dict[str, float] = defaultdict(float)
+        self.warm_up = 0.0
 
     def add(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
         """Count one part."""
@@ -36,6 +45,7 @@ class Tally:
         start, stop = plan.stages[stage].parts[part]
         self.frames[stage] += stop - start
         self.seconds[stage] += outcome.seconds
+        self.warm_up += outcome.warm_up
         self.memory[stage] = max(self.memory[stage], outcome.memory_mb)
 
     def rows(self) -> list[tuple[str, float, float, float]]:
@@ -46,60 +56,15 @@ class Tally:
         ]
 
 
-class Course:
-    """How far a batch is: videos, parts, failures, and how long it may still take."""
-
-    def __init__(self) -> None:
-        self.begun = time.monotonic()
-        self.videos = self.planned = self.finished = self.failed = self.unplanned = 0
-        self.parts = self.done = 0
-
-    def plan(self, parts: int) -> None:
-        """One more video was planned."""
-        self.planned += 1
-        self.videos = max(self.videos, self.planned)
-        self.parts += parts
-
-    def fail(self, planned: bool) -> None:
-        """One more failed, before or after it was planned."""
-        self.failed += 1
-        self.unplanned += not planned
-        self.videos = max(self.videos, self.planned + self.unplanned)
-
-    @property
-    def expected(self) -> int:
-        """Parts of all videos, going by those that are planned."""
-        coming = self.videos - self.planned - self.unplanned
-        return self.parts + round(max(coming, 0) * self.parts / max(self.planned, 1))
-
-    @property
-    def many(self) -> bool:
-        """Whether there is a batch to speak of."""
-        return self.videos > 1
-
-    def words(self) -> str:
-        """``12 of 90 videos, 1 failed, 480 of 3600 parts, about 2.5 h left``."""
-        failed = f", {self.failed} failed" if self.failed else ""
-        parts = self.expected
-        about = "about " if parts > self.parts else ""
-        text = f"{self.finished} of {self.videos} videos{failed}, {self.done} of {about}{parts} parts"
-        if not 0 < self.done < parts or self.finished + self.failed == self.videos:
-            return text
-        left = (time.monotonic() - self.begun) / self.done * (parts - self.done)
-        hours, minutes = left / 3600, left / 60
-        long = f"{hours:.1f} h" if hours >= 1 else f"{minutes:.0f} min" if minutes >= 1 else f"{left:.0f} s"
-        return f"{text}, about {long} left"
-
-
 class Lines:
     """Plain lines for logs and pipes: the plan, a line a stage, a line a video."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self.stream = stream or sys.stderr
         self.tally = Tally()
-        self.course = Course()
-        self.names: set[str] = set()
-        self.begun = time.monotonic()
+        self.course = Course(Rates.load())
+        self.begun = self._told = time.monotonic()
+        self._over = Event()
 
     def say(self, line: str = "") -> None:
         """Print one line."""
@@ -107,16 +72,15 @@ class Lines:
 
     def planned(self, plan: VideoPlan) -> None:
         """The plans of the first few videos."""
-        self.course.plan(plan.todo)
-        self.names.add(plan.name)
+        self.course.plan(plan)
         if self.course.planned <= SHOWN:
             for line in explain_plan([plan]):
                 self.say(line)
 
     def estimated(self, guess: Estimate) -> None:
         """What all will take."""
-        self.course.videos = guess.videos
-        for line in estimate_lines(guess):
+        self.course.estimated(guess)
+        for line in first_lines(guess):
             self.say(line)
 
     def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
@@ -128,36 +92,52 @@ class Lines:
     def count(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
         """Keep what a part took."""
         self.tally.add(plan, stage, part, outcome)
-        self.course.done += 1
+        self.course.part(plan, stage, part)
 
     def finished(self, plan: VideoPlan, summary: dict[str, Any] | None) -> None:
         """A line a video, and how far the batch is."""
-        self.course.finished += 1
+        self.course.finish(plan)
         for line in video_lines(plan, summary):
             self.say(line)
         self.stands()
 
     def failed(self, name: str, message: str) -> None:
         """A line a failure."""
-        self.course.fail(name in self.names)
+        self.course.fail(name)
         self.say(f"failed: {name}: {message}")
         self.stands()
 
     def stands(self) -> None:
         """How far the batch is."""
         if self.course.many:
-            self.say(self.course.words())
+            self.tell()
+
+    def tell(self) -> None:
+        """Say how far it is, now."""
+        self._told = time.monotonic()
+        self.say(self.course.words())
+
+    def keep_telling(self) -> None:
+        """Say so again and again, on a thread of its own: a task may take minutes."""
+        while not self._over.wait(TICK):
+            if self.course.videos and time.monotonic() - self._told >= EVERY:
+                try:
+                    self.tell()
+                except (OSError, ValueError):  # nobody reads any more: the run finds out by itself
+                    return
 
     def note(self, text: str) -> None:
         """A line about the run as a whole."""
         self.say(text)
 
     def __enter__(self) -> Self:
+        Thread(target=self.keep_telling, daemon=True).start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._over.set()
         if kind is None and self.tally.seconds:
             for line in tally_lines(self.tally, time.monotonic() - self.begun):
                 self.say(line)
@@ -216,10 +196,11 @@ class Bars(Lines):
         if self.course.many:
             if self.all is None:
                 self.all = self.progress.add_task("", total=1, stage="")
-            words, total = self.course.words().partition(" parts")[0], max(self.course.expected, 1)
-            self.progress.update(
-                self.all, description=f"{words} parts", completed=self.course.done, total=total
-            )
+            words = self.course.words().partition(" frames")[0]
+            self.progress.update(self.all, description=f"{words} frames", completed=self.course.share)
+
+    def keep_telling(self) -> None:
+        """The bars do."""
 
     def __enter__(self) -> Self:
         self.progress.start()
@@ -237,7 +218,8 @@ class Steps(Quiet):
 
     def estimated(self, guess: Estimate) -> None:
         """What is to do."""
-        print(f"{guess.videos} videos: {_to_do(guess)}", file=sys.stderr, flush=True)
+        what = "; ".join(estimate_lines(guess))
+        print(f"{counted(guess.videos, 'video')}: {what}", file=sys.stderr, flush=True)
 
     def failed(self, name: str, message: str) -> None:
         """A line a failure."""
@@ -266,32 +248,27 @@ def failure_lines(failures: Mapping[str, str], videos: int, again: str) -> list[
         rows.append((", ".join(names[:SHOWN]) + more, message))
     width = min(max(len(names) for names, _ in rows), NAMES)
     return [
-        f"zsmoseg: {len(failures)} of {videos} videos failed; what was finished is kept",
+        f"zsmoseg: {len(failures)} of {counted(videos, 'video')} failed; what was finished is kept",
         *(f"  {names:<{width}}  {message}" for names, message in rows),
         f"  again: {again}",
     ]
 
 
-def estimate_lines(guess: Estimate) -> list[str]:
+def first_lines(guess: Estimate) -> list[str]:
     """How many videos were not shown, and the estimate."""
     more = (
         [f"... and {guess.videos - SHOWN} more videos (all with --dry-run)"] if guess.videos > SHOWN else []
     )
-    return [*more, _to_do(guess)]
-
-
-def _to_do(guess: Estimate) -> str:
-    return estimate_line(guess) if guess.seconds else "nothing to do"
+    return [*more, *estimate_lines(guess)]
 
 
 def video_lines(plan: VideoPlan, summary: dict[str, Any] | None) -> list[str]:
     """What came out of a video."""
     if summary is None:
-        return [f"{plan.name}: {len(plan.probe.times)} frames, done up to {list(plan.stages)[-1]}"]
-    moving = summary["moving_groups"]
+        return [f"{plan.name}: {counted(len(plan.probe.times), 'frame')}, done up to {list(plan.stages)[-1]}"]
     lines = [
-        f"{plan.name}: {summary['frames']} frames, {summary['objects']} objects, "
-        f"{moving} moving group{'' if moving == 1 else 's'}, {summary['moving_pixels_percent']:.1f} % of the pixels move"
+        f"{plan.name}: {counted(summary['frames'], 'frame')}, {counted(summary['objects'], 'object')}, "
+        f"{counted(summary['moving_groups'], 'moving group')}, {summary['moving_pixels_percent']:.1f} % of the pixels move"
     ]
     lines += [f"  {line}" for line in (brought_lines(plan) if plan.settled is None else [])]
     lines += [f"  warning: {text}" for text in summary["warnings"]]
@@ -299,8 +276,12 @@ def video_lines(plan: VideoPlan, summary: dict[str, Any] | None) -> list[str]:
 
 
 def tally_lines(tally: Tally, wall: float) -> list[str]:
-    """Seconds and memory per stage."""
-    lines = [f"{'stage':<11} {'seconds':>8} {'ms/frame':>9} {'peak MB':>8}"]
+    """Seconds of the processor and memory per stage; those of the clock in all."""
+    lines = [f"{'stage':<11} {'cpu s':>8} {'ms/frame':>9} {'peak MB':>8}"]
     lines += [f"{s:<11} {sec:>8.2f} {ms:>9.1f} {mb:>8.0f}" for s, sec, ms, mb in tally.rows()]
-    total = sum(tally.seconds.values())
-    return [*lines, f"{'all':<11} {total:>8.2f}   in {wall:.1f} s"]
+    if tally.warm_up >= 0.01:
+        lines.append(
+            f"{'start-up':<11} {tally.warm_up:>8.2f}   compiling, loading what was, opening networks"
+        )
+    total = sum(tally.seconds.values()) + tally.warm_up
+    return [*lines, f"{'all':<11} {total:>8.2f}   of processor time, in {wall:.1f} s by the clock"]

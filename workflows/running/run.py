@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from zsmoseg.errors import ZsmosegError, system_errors_in_words
 from zsmoseg.networks.session import chosen_provider
@@ -13,14 +15,15 @@ from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import DONE, FAILED, INTERRUPTED
 from zsmoseg.video.sources import sources, unique_names
 from zsmoseg.workflows.planning.estimate import (
-    Rates,
+    Estimate,
     estimate,
-    estimate_line,
+    estimate_lines,
     fitting_workers,
     models_of,
     refuse_full_disk,
 )
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan
+from zsmoseg.workflows.planning.rates import Rates
 from zsmoseg.workflows.running.batch import Batch
 from zsmoseg.workflows.running.choosing import Named, choose, nothing_left
 from zsmoseg.workflows.running.driving import Drive
@@ -77,35 +80,51 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
             outcome = FAILED if report.failures else DONE
         finally:
             batch.end(outcome)
+            batch.rates.keep()
     return report
 
 
 def _compute(batch: Batch) -> None:
     """Plan the first videos, choose who computes, hand all to it."""
     request = batch.request
-    first, small = _look(batch)
+    first, guess, small = _look(batch)
+    kind, workers = _who(request, first, small)
+    batch.watcher.estimated(_lasting(guess, kind, workers, batch.rates))
     if not first:
         return
-    executor = make_executor(
-        "serial" if small and request.scheduler == "local" else request.scheduler,
-        request.workers or (fitting_workers(first) if request.scheduler == "local" and not small else None),
-        _needs(batch, first),
-        request.patience,
-        batch.watcher.note,
-    )
+    executor = make_executor(kind, workers, _needs(batch, first), request.patience, batch.watcher.note)
     entered = False
     try:
+        began = time.perf_counter()
         with executor:
-            entered = True
-            Drive(executor, batch, first).run()
+            entered, start = True, time.perf_counter() - began
+            drive = Drive(executor, batch, first)
+            drive.run()
+            paid = (time.perf_counter() - began - start) * executor.slots
+        if isinstance(kind, str):
+            batch.rates.used(kind, start, drive.useful, paid)
     except ZsmosegError as error:
         if not entered or not batch.report.started:
             raise
         batch.abandon(error)
 
 
-def _look(batch: Batch) -> tuple[deque[VideoPlan], bool]:
-    """The first videos with something to do, and whether they are all, and small."""
+def _who(request: Request, first: Sequence[VideoPlan], small: bool) -> tuple[Any, int | None]:
+    """The executor, and its workers as far as we choose them."""
+    if request.scheduler == "local" and not small:
+        return "local", request.workers or fitting_workers(first)
+    return "serial" if request.scheduler == "local" else request.scheduler, request.workers
+
+
+def _lasting(guess: Estimate, kind: Any, workers: int | None, rates: Rates) -> Estimate:
+    """With the seconds to the end, where it is known who computes."""
+    if kind not in ("serial", "local"):
+        return guess
+    return guess.with_workers(workers or 1 if kind == "local" else 1, rates.use(kind))
+
+
+def _look(batch: Batch) -> tuple[deque[VideoPlan], Estimate, bool]:
+    """The first videos with something to do, what all take, and whether these are all, and small."""
     first, guess = deque[VideoPlan](), batch.guess([])
     while plan := batch.take():
         first.append(plan)
@@ -116,8 +135,7 @@ def _look(batch: Batch) -> tuple[deque[VideoPlan], bool]:
     refuse_full_disk(batch.request.store, guess)
     if batch.request.scheduler in ("local", "serial") and any(models_of(first)):
         chosen_provider(batch.request.settings.networks.provider)
-    batch.watcher.estimated(guess.of(batch.looked, videos))
-    return first, batch.looked == videos and guess.seconds < SMALL
+    return first, guess.of(batch.looked, videos), batch.looked == videos and guess.seconds < SMALL
 
 
 def _needs(batch: Batch, first: deque[VideoPlan]) -> Needs:
@@ -170,11 +188,14 @@ def dry_run(request: Request) -> Iterator[str]:
         if not choose(found, request.choice, store):
             yield nothing_left(len(found), request.choice)
             return
-        guess, rates = estimate([]), Rates()
+        rates, plans = Rates.load(), list[VideoPlan]()
+        guess = estimate([], rates)
         for name, plan in each_plan(request, store, found):
             if isinstance(plan, Failure):
                 yield f"{name}: {plan.message}"
                 continue
             guess += estimate([plan], rates)
+            plans = [*plans[: LOOK[0]], plan]
             yield from explain_plan([plan])
-        yield estimate_line(guess) if guess.seconds else "nothing to do"
+        kind, workers = _who(request, plans, guess.seconds < SMALL)
+        yield from estimate_lines(_lasting(guess, kind, workers, rates))

@@ -14,7 +14,8 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any, TypeVar
 
-import zsmoseg
+import zsmoseg.stores
+import zsmoseg.workflows
 from zsmoseg import __version__
 from zsmoseg.errors import ClusterError, in_words
 from zsmoseg.remote.url import is_url
@@ -42,16 +43,19 @@ INSTALLED = (
 @cache
 def code() -> str:
     """Digest of the package's own modules: a version stays the same while somebody changes the code."""
-    root, whole = os.path.dirname(zsmoseg.__file__), hashlib.sha256()
-    found = [
-        os.path.join(folder, name)
-        for folder, _, names in os.walk(root, followlinks=True)
+    roots = {"": zsmoseg, "stores": zsmoseg.stores, "workflows": zsmoseg.workflows}
+    found = {
+        os.path.join(front, os.path.relpath(folder, root), name): os.path.join(folder, name)
+        for front, package in roots.items()
+        for root in package.__path__[:1]
+        for folder, _, names in os.walk(root)
         for name in names
         if name.endswith(".py")
-    ]
-    for path in sorted(found):
+    }
+    named, whole = {os.path.normpath(name): path for name, path in found.items()}, hashlib.sha256()
+    for name, path in sorted(named.items()):
         with open(path, "rb") as file:
-            whole.update(f"{os.path.relpath(path, root)} ".encode() + hashlib.sha256(file.read()).digest())
+            whole.update(f"{name} ".encode() + hashlib.sha256(file.read()).digest())
     return whole.hexdigest()
 
 

@@ -57,6 +57,9 @@ def _mat(path: Path) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """``Data.ySparse`` (3, tracks, frames), ``Data.visibleSparse`` (tracks, frames), ``Data.GtLabel``."""
     from scipy.io import loadmat
 
-    data = loadmat(path, simplify_cells=True)["Data"]
+    try:
+        data = loadmat(path, simplify_cells=True)["Data"]
+    except Exception as error:  # its reader raises whatever it stumbles over
+        raise ValueError(str(error) or type(error).__name__) from error
     points = np.asarray(data["ySparse"])[:2].transpose(1, 2, 0)
     return points, np.asarray(data["visibleSparse"]), np.asarray(data["GtLabel"]).ravel()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -11,12 +12,28 @@ from typing import Any
 
 @dataclass(frozen=True)
 class PublishedRow:
-    """Pu, Ru, Fu of a method as its paper prints them, in percent; ``labels`` is ``multi`` or ``binary``."""
+    """What a method reaches on all of a published list, as printed, in percent.
 
+    Attributes
+    ----------
+    protocol, benchmark
+        How it was scored, and on which list of sequences.
+    labels
+        ``multi`` or ``binary``.
+    method, training
+        Whose it is, and what it has learned from.
+    values
+        The numbers that the protocol calls ``published``.
+    source
+        Where they are printed.
+    """
+
+    protocol: str
     benchmark: str
     labels: str
     method: str
-    values: tuple[float, float, float]
+    training: str
+    values: tuple[float, ...]
     source: str
 
 
@@ -29,8 +46,14 @@ def sequence_lists() -> dict[str, tuple[str, ...]]:
 @cache
 def published_rows() -> tuple[PublishedRow, ...]:
     """The published figures that are known."""
-    rows = _toml("published.toml")["row"]
-    return tuple(PublishedRow(**row | {"values": tuple(row["values"])}) for row in rows)
+    return tuple(_rows(_toml("published.toml")["table"]))
+
+
+def _rows(tables: Sequence[Mapping[str, Any]]) -> Iterator[PublishedRow]:
+    for table in tables:
+        about = {name: value for name, value in table.items() if name != "rows"}
+        for method, training, *values in table["rows"]:
+            yield PublishedRow(**about, method=method, training=training, values=tuple(values))
 
 
 def _toml(name: str) -> dict[str, Any]:

@@ -13,7 +13,10 @@ from zsmoseg.metrics.protocols import protocol_named
 
 @dataclass(frozen=True)
 class Selection:
-    """The sequences to score, in order, and in words which they are; ``benchmark`` is their published list, or nothing."""
+    """The sequences to score, in order, and in words which they are.
+
+    ``benchmark`` is the published list with which they can be compared: all or some of them are in it; or nothing.
+    """
 
     names: tuple[str, ...]
     words: str
@@ -37,8 +40,10 @@ def select(dataset: Dataset, wanted: Sequence[str] | None, protocol: str) -> Sel
     default = protocol_named(protocol).lists.get(dataset.name, "")
     if wanted is None and default and all(name in there for name in lists[default]):
         return Selection(lists[default], f"{default}, {len(lists[default])} sequences", default)
+    listed = set(lists.get(default, ()))
     if wanted is None or list(wanted) == ["all"]:
-        return Selection(tuple(there), f"all {len(there)} sequences of {dataset.path}")
+        words = f"all {len(there)} sequences of {dataset.path}"
+        return Selection(tuple(there), words, default if listed & there.keys() else "")
     names = list(dict.fromkeys(n for word in wanted for n in lists.get(word, (word,))))
     missing = next((name for name in names if name not in there), None)
     if missing is not None:
@@ -46,10 +51,9 @@ def select(dataset: Dataset, wanted: Sequence[str] | None, protocol: str) -> Sel
             f"{dataset.path}: has no sequence {missing!r}; it has {_some(there)} (--sequences also takes "
             f"{', '.join(lists)} and all)"
         )
-    published = wanted[0] if len(wanted) == 1 and wanted[0] in lists else ""
-    return Selection(
-        tuple(names), f"{published or 'chosen'}, {len(names)} of {len(there)} sequences", published
-    )
+    chosen = wanted[0] if len(wanted) == 1 and wanted[0] in lists else ""
+    words = f"{chosen or 'chosen'}, {len(names)} of {len(there)} sequences"
+    return Selection(tuple(names), words, chosen or (default if listed & set(names) else ""))
 
 
 def _some(names: Iterable[str]) -> str:

@@ -1,12 +1,13 @@
 """What moves against the static world: the row of the world in the affinity, refitted as long as something joins it.
 
     E[n] = sqrt((SSE(world + n) - SSE(world) - SSE(n)) / |n| - chance)     px, what one motion for both costs
-    U[n] = floor + sqrt(most (s2(world) + s2(n)))                          px, more is never the world's
-    T[n] = max(floor, E* U[n] / (E* + U[n]))                               px, what is tolerated; E* of the strongest
+    U    = floor + sqrt(most s2(world))                                    px, more is never the world's
+    T    = max(floor, E* U / (E* + U))                                     px, what is tolerated; E* of the strongest
     A[n] = mean T / (mean T + mean E) over the pairs; one half: at the tolerance
 
-s2 is the mean square that a thing's own motion leaves of its flow beyond the flow's noise: no model of a motion is
-exact, and what a thing costs the world is to be seen against what both cost alone. T is the harmonic sum of two bounds:
+s2 is the mean square that the background's own motion leaves of its flow beyond the flow's noise: no model of a motion is
+exact, and what a thing costs the world is to be seen against what the world costs alone. What the thing costs alone says
+nothing: limbs and turns leave much of a mover's flow, and prove no rest. T is the harmonic sum of two bounds:
 what strays less than the strongest of the pair by far is a leak of it, a shadow, or a piece of the background of another
 depth; but what costs more than U moves, however strong the strongest is. The strongest itself always costs more than T.
 
@@ -37,9 +38,9 @@ class Tolerance:
     floor: float
     """px, what is never motion: precision of the flow."""
     most: float
-    """Times the mean square that two things' own motions leave: what costs more moves, whatever else does."""
+    """Times the mean square that the background's own motion leaves: what costs more moves, whatever else does."""
     pair: float
-    """The same of two objects, neither of which is rigid: up to it they move as one."""
+    """The same of two objects and both their motions, as neither is rigid: up to it they move as one."""
     noise_area: float
     """px^2 over which what a motion leaves is correlated."""
     rounds: int
@@ -178,10 +179,9 @@ def evidence_of(
     square = np.where(left < LEAST_WORLD, 0.0, square) - chance(noise, pixels, model, k)
     excess = np.sqrt(np.maximum(square, 0.0))
     excess[(seen == 0) | obeys[p.ids[seen]]] = 0.0
-    own2 = deviation(p)
-    upper = k.floor + np.sqrt(k.most * (own2[0] + own2))
+    upper = k.floor + np.sqrt(k.most * deviation(p)[0])
     strongest = excess[int((pixels * excess**2).argmax())]
-    tolerance = np.maximum(k.floor, strongest * upper / (strongest + upper))
+    tolerance = np.full_like(excess, max(k.floor, strongest * upper / (strongest + upper)))
     weight = np.where(counts[p.ids[seen]], np.sqrt(pixels), 0.0)
     return Evidence(p.pair, p.ids[seen], excess, tolerance, weight)
 

@@ -87,6 +87,7 @@ PROTOCOLS: dict[str, Protocol] = {
         unit="0 to 1",
         compared=DAVIS_COMPARED,
         lists={"DAVIS": "davis-2016-val"},
+        published=("J", "F"),
     ),
     "davis-2017": Protocol(
         "J and F of each object by its id (Pont-Tuset et al. 2017)",

@@ -28,10 +28,11 @@ def folder() -> Path:
     AccessError
         If somebody else made that folder.
     """
-    path = Path(tempfile.gettempdir()) / f"zsmoseg-{os.getuid()}"
+    shared = hasattr(os, "getuid")  # on Windows every user has a TEMP
+    path = Path(tempfile.gettempdir()) / (f"zsmoseg-{os.getuid()}" if shared else "zsmoseg")
     path.mkdir(mode=0o700, exist_ok=True)
     found = path.lstat()
-    if path.is_symlink() or found.st_uid != os.getuid() or found.st_mode & 0o022:
+    if shared and (path.is_symlink() or found.st_uid != os.getuid() or found.st_mode & 0o022):
         raise AccessError(f"{path}: others may write there; remove it, or set TMPDIR to a folder of your own")
     return path
 

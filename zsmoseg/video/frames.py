@@ -12,14 +12,11 @@ from zsmoseg.video.decoding import decoder
 from zsmoseg.video.pixels import pixels, unreadable
 from zsmoseg.video.probe import Probe
 
-TO_8_BIT = 257
-"""A 16-bit value over its 8-bit one: 65535 is 255."""
-
 
 def read(probe: Probe, start: int, stop: int) -> Iterator[NDArray[np.uint8]]:
     """Frames ``start`` to ``stop - 1`` of the used ones: (H, W, 3) blue green red, 8 bit, as displayed.
 
-    16-bit images are divided by 257 (65535 becomes 255), grey is repeated, alpha is dropped.
+    Of 16-bit images the largest value that their bits can hold becomes 255; grey is repeated, alpha is dropped.
 
     Raises
     ------
@@ -59,8 +56,7 @@ def _read_image(file: str, probe: Probe) -> NDArray[np.uint8]:
             f"{file}: is {image.shape[1]} x {image.shape[0]}, expected {probe.width} x {probe.height}; "
             "all frames of a video must have one size"
         )
-    return (
-        image
-        if image.dtype == np.uint8
-        else ((image.astype(np.uint32) + TO_8_BIT // 2) // TO_8_BIT).astype(np.uint8)
-    )
+    if image.dtype == np.uint8:
+        return image
+    largest = (1 << probe.bits) - 1
+    return np.minimum((image.astype(np.uint32) * 255 + largest // 2) // largest, 255).astype(np.uint8)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import struct
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,10 @@ WIDTH, HEIGHT, ORIENTATION = 0x0100, 0x0101, 0x0112
 """EXIF tags."""
 PNG_SIZE = 16
 """Where a PNG says how wide it is."""
+MARKER, END = re.compile(rb"\xff+[^\x00\x01\xd0-\xd7\xff]"), 0xD9
+"""Of JPEG (ITU-T T.81, B.1.1.3): what begins a segment, also behind the data of a scan; the one that ends the picture."""
+BITS = (8, 10, 12, 14, 16)
+"""That sensors have."""
 SIDEWAYS = 5
 """EXIF orientations from here on swap the sides."""
 
@@ -82,9 +88,29 @@ def _jpeg_frame(content: bytes) -> int | None:
 
 def _cut_off(content: bytes) -> bool:
     """Whether a JPEG or PNG lacks its end, which decoders fill with grey or black and do not mention."""
-    if content.startswith(b"\xff\xd8"):  # the last scan does not end; the markers cannot occur within a scan
-        return content.rfind(b"\xff\xd9") < content.rfind(b"\xff\xda")
+    if content.startswith(b"\xff\xd8"):
+        return not _jpeg_ends(content)
     return content.startswith(b"\x89PNG") and b"IEND" not in content
+
+
+def _jpeg_ends(content: bytes) -> bool:
+    """Whether the picture is closed: cameras write more behind it, and what stands in segments is none of its end."""
+    place = 2
+    while found := MARKER.search(content, place):
+        place = found.end()
+        if content[place - 1] == END:
+            return True
+        place += int.from_bytes(content[place : place + 2], "big")
+    return False
+
+
+def value_bits(files: Sequence[str]) -> tuple[int, int]:
+    """How many bits of images with 16 are used, as cameras fill them, and the largest value; 16 of others."""
+    first = pixels(files[0])
+    if first is None or first.dtype != np.uint16:
+        return BITS[-1], 0
+    largest = max(int(image.max()) for image in map(pixels, files) if image is not None)
+    return next(bits for bits in BITS if largest < 1 << bits), largest
 
 
 def unreadable(file: str, why: str = "cannot be read as an image") -> VideoError:

@@ -8,12 +8,15 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import unicodedata
 from pathlib import PurePosixPath
 
 LONGEST = 255
 """Bytes of a name, as file systems have it."""
 KEPT = 120
 """Bytes that are kept of a name that is made here: endings and the names of several folders still fit."""
+KINDS = {"Mn", "Mc", "So"}
+"""Unicode categories that names keep besides letters and digits: marks, and symbols other than those of keyboards."""
 SIMPLE = re.compile(r"[\w+-][\w.+-]*(/[\w+-][\w.+-]*)*")
 """Names of which nothing more has to be looked at."""
 
@@ -50,16 +53,27 @@ def stays(name: object) -> bool:
         return False
 
 
-def plain(text: str) -> str:
-    """A name for a file or folder that is like ``text``: no path, not hidden, of letters, digits and ``_.+-``.
+def plain(text: str, tagged: bool = False) -> str:
+    """A name for a file or folder that is like ``text``: no path, not hidden, of letters, digits, pictures and ``_.+-``.
+
+    Parameters
+    ----------
+    tagged : tell it from others that are like the same name.
 
     Examples
     --------
     >>> plain("my clip"), plain(".."), plain("..hidden")
     ('my_clip', 'video', 'hidden')
     """
-    name = re.sub(r"[^\w.+-]+", "_", text).lstrip(".") or "video"
-    if len(name.encode()) <= KEPT:
+    told = unicodedata.normalize("NFC", text)
+    name = re.sub(r"[^\w.+-]+", _like, told).lstrip(".") or "video"
+    if len(name.encode()) <= KEPT and not tagged:
         return name
     end = "-" + hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:8]
     return name.encode()[: KEPT - len(end)].decode(errors="ignore") + end
+
+
+def _like(other: re.Match[str]) -> str:
+    """What is no letter: accents and pictures stay."""
+    kept = (c if unicodedata.category(c) in KINDS else "\0" for c in other[0])
+    return re.sub("\0+", "_", "".join(kept))

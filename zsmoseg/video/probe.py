@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
+import unicodedata
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +18,7 @@ from zsmoseg.errors import VideoError
 from zsmoseg.video import places
 from zsmoseg.video.decoding import Way
 from zsmoseg.video.index import index
-from zsmoseg.video.pixels import image_size
+from zsmoseg.video.pixels import BITS, image_size, value_bits
 from zsmoseg.video.sources import image_files
 
 EARLY = 1e-9
@@ -101,7 +106,7 @@ def probe(source: str, excerpt: Excerpt) -> Probe:
     if places.is_folder(source):
         raise VideoError(f"{source}: holds no frames; give a folder of images (jpg, png, tif, bmp, webp)")
     if not places.is_file(source):
-        raise VideoError(f"{source}: no such file or folder")
+        raise places.nothing_there(source)
     return _probe_file(source, excerpt)
 
 
@@ -115,12 +120,45 @@ def _probe_images(source: str, files: list[str], excerpt: Excerpt) -> Probe:
                 f"{file}: is {size[0]} x {size[1]}, {os.path.basename(chosen[0])} is {sizes[0][0]} x {sizes[0][1]}; "
                 "all frames of a folder must have one size"
             )
-    stems = [os.path.splitext(os.path.basename(f))[0] for f in chosen]
-    names = stems if len(set(stems)) == len(stems) else [f"{i:05d}" for i in used]
-    times = tuple(i / excerpt.fps for i in used)
-    where = places.absolute(source)
+    _refuse_twins(chosen)
+    bits, largest = value_bits(chosen)
+    said = f"its images of 16 bits hold values up to {largest}: taken as {bits} bits"
     return Probe(
-        where, tuple(chosen), (), Way(), tuple(names), times, *sizes[0], indices=tuple(used), total=len(files)
+        places.absolute(source),
+        tuple(chosen),
+        (),
+        Way(),
+        tuple(Path(f).stem for f in chosen),
+        tuple(i / excerpt.fps for i in used),
+        *sizes[0],
+        indices=tuple(used),
+        total=len(files),
+        bits=bits,
+        notes=(said,) if bits < BITS[-1] else (),
+    )
+
+
+def _refuse_twins(files: Sequence[str]) -> None:
+    """Raise where one frame seems to be there twice: as another kind of file, or as two kinds of names that count alike."""
+    seen: dict[str, str] = {}
+    counted: dict[str, dict[tuple[str, ...], str]] = defaultdict(dict)
+    for path in files:
+        stem = unicodedata.normalize("NFC", Path(path).stem)
+        if stem in seen:
+            raise _twice(seen[stem], path)
+        seen[stem] = path
+        counted[re.sub(r"\d+", "#", stem)][tuple(re.findall(r"\d+", stem))] = path
+    for one, other in combinations((names for names in counted.values() if len(names) > 1), 2):
+        both = [number for number in one if number in other]
+        if len(both) > 1:
+            raise _twice(one[both[0]], other[both[0]])
+
+
+def _twice(one: str, other: str) -> VideoError:
+    names = os.path.basename(one), os.path.basename(other)
+    return VideoError(
+        f"{one}: {names[0]} and {names[1]} seem to be one frame, or a frame and its mask; take one kind of them out, or "
+        "give a glob of the frames in quotes"
     )
 
 
