@@ -1,9 +1,9 @@
 """Rendered clips of movers of which the fastest is 3 or 10 times faster than the slowest: is each a group of its own?
 
-    python benchmarks/unequal_speeds.py [FIRST SEED]
+    python benchmarks/unequal_speeds.py [SLOWEST [FIRST SEED]]
 
-Twenty clips a row, four of each camera: 10 frames of 480 x 854, six bodies that stand still. The slowest mover moves by 1 % of
-half the frame's width a frame against what stands still at its depth (2 px of the working grid), the third mover
+Twenty clips a row, four of each camera: 10 frames of 480 x 854, six bodies that stand still. The slowest mover moves by SLOWEST % of
+half the frame's width a frame against what stands still at its depth (0.6 is 1.3 px of the working grid), the third mover
 half way in between (geometrically). A clip is right as a composite is (``composites.py``): a third of every mover or more in one
 moving group, different ones.
 """
@@ -24,12 +24,12 @@ from zsmoseg.synthetic import CAMERAS, video_scene
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import run
 
-CLIPS, FRAMES, SLOWEST = 20, 10, 1.0
+CLIPS, FRAMES = 20, 10
 
 
-def write(root: Path, seed: int, movers: int, ratio: float) -> Path:
+def write(root: Path, seed: int, movers: int, ratio: float, slowest: float) -> Path:
     """Frames and truth of one clip; its folder of frames."""
-    speeds = SLOWEST * np.geomspace(1, ratio, movers)
+    speeds = slowest * np.geomspace(1, ratio, movers)
     scene = video_scene(
         seed, camera=CAMERAS[seed % len(CAMERAS)], n_frames=FRAMES, exact=False, speeds=speeds.tolist()
     )
@@ -44,13 +44,14 @@ def write(root: Path, seed: int, movers: int, ratio: float) -> Path:
 
 def main() -> None:
     """Print the table."""
-    first = int(sys.argv[1]) if len(sys.argv) > 1 else 0
+    slowest = float(sys.argv[1]) if len(sys.argv) > 1 else 0.6
+    first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         for movers in (2, 3):
             for ratio in (3.0, 10.0):
-                clips = [write(root, seed, movers, ratio) for seed in range(first, first + CLIPS)]
+                clips = [write(root, seed, movers, ratio, slowest) for seed in range(first, first + CLIPS)]
                 run(Request([str(c) for c in clips], root / "out", root / "store", resolve(), "serial"))
                 found = [
                     verdict(overlap(root / "out" / c.name / "masks", root / "truth" / c.name)) for c in clips

@@ -146,6 +146,12 @@ class Store:
                 f"{self.path}: cannot be written ({error.strerror}); mend that or give another folder (--store)"
             ) from error
 
+    def unmake(self, run: str) -> None:
+        """Remove a store that ``run`` made and began nothing in; what another run has there stays."""
+        others = [path for path in files.matching(self.runs, "*.json") if path.stem != run]
+        if not others and not self.videos():
+            files.remove(self.path)
+
     @property
     def runs(self) -> PurePath:
         """Where the records of runs are."""

@@ -44,6 +44,8 @@ class Entry:
         How it stands, why it failed, and where, if nobody expected that.
     seen
         How its artifacts were when it was done (``stores/seen.py``).
+    dropped
+        Stages, by blanks, whose artifacts it does without since: nobody misses them until something reads them.
     """
 
     run: str
@@ -57,6 +59,12 @@ class Entry:
     failure: str = ""
     trace: str = ""
     seen: Mapping[str, str] = field(default_factory=dict)
+    dropped: str = ""
+
+    @property
+    def gone(self) -> set[tuple[str, str]]:
+        """What it does without: stages, each with its key."""
+        return {(stage, self.keys[stage]) for stage in self.dropped.split() if stage in self.keys}
 
 
 @dataclass
@@ -127,6 +135,12 @@ def run_ids(store: Store) -> list[str]:
     return [path.stem for path in files.matching(store.runs, "*.json")]
 
 
+def begun_before(store: Store, when: datetime) -> list[str]:
+    """The runs that were begun before: their ids begin with the time, in UTC."""
+    border = f"{when:%Y%m%dT%H%M%S.%fZ}"
+    return [run for run in run_ids(store) if run < border]
+
+
 def read_run(store: Store, run: str) -> dict[str, Any] | None:
     """The record of a run; None where it is missing, damaged or another's."""
     record = read_record(run_path(store, run)) or {}
@@ -171,11 +185,11 @@ def _digest(name: str) -> str:
     return f"{zlib.crc32(name.encode(errors='surrogateescape')):08x}"
 
 
-def entry_paths(store: Store, name: str | None = None) -> Iterator[PurePath]:
-    """Where the records of videos, or of those of one name, are: video by video, the latest last."""
+def entry_paths(store: Store, name: str | None = None, video: str | None = None) -> Iterator[PurePath]:
+    """Where the records of videos, of those of one name, or of one video are: video by video, the latest last."""
     end = "*" if name is None else f"*-{_digest(name)}"
-    for video in store.videos():
-        yield from files.matching(files.below(store.video(video).path, RUNS), f"{end}.json")
+    for one in store.videos() if video is None else [video]:
+        yield from files.matching(files.below(store.video(one).path, RUNS), f"{end}.json")
 
 
 def run_of(path: PurePath) -> str:

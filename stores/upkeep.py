@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 
 from zsmoseg.errors import StoreError
@@ -34,9 +34,31 @@ class Garbage:
 
     paths: list[PurePath]
     size: int
+    thinner: list[Entry] = field(default_factory=list)
+    """Records of videos in runs that do with less from then on."""
 
 
-def garbage(store: Store, forget: Sequence[str] = (), keep: Set[Place] | None = None) -> Garbage:
+@dataclass(frozen=True)
+class Thin:
+    """Runs that keep the artifacts of some stages only."""
+
+    runs: Set[str]
+    stages: Set[str]
+
+    def of(self, entry: Entry) -> Entry:
+        """The record of a video in a run as it will be."""
+        if entry.run not in self.runs:
+            return entry
+        dropped = {*entry.dropped.split(), *(entry.keys.keys() - self.stages)}
+        return replace(entry, dropped=" ".join(sorted(dropped)))
+
+
+EVERYTHING = Thin(frozenset(), frozenset())
+
+
+def garbage(
+    store: Store, forget: Sequence[str] = (), keep: Set[Place] | None = None, thin: Thin = EVERYTHING
+) -> Garbage:
     """What no run reaches once the runs ``forget`` are dropped, and leftovers of killed processes.
 
     Videos, artifacts, probes, fingerprints of videos that are gone, and unfinished files older than an hour.
@@ -45,13 +67,16 @@ def garbage(store: Store, forget: Sequence[str] = (), keep: Set[Place] | None = 
     ----------
     keep
         What is kept, instead of what runs reach; records of videos in runs that reach more go first.
+    thin
+        Runs that do with less.
 
     Raises
     ------
     StoreError
         If there is no such run, or the record of a run that stays is damaged: nobody knows what it reaches.
     """
-    by_run = _reached(store, forget)
+    entries = _entries(store, forget)
+    by_run = {path: _places(thin.of(entry)) for path, entry in entries.items()}
     reached = set().union(*by_run.values()) if keep is None else keep
     unreached = dict(_unreached(store, reached))
     blind = [path for path, places in by_run.items() if not places.isdisjoint(unreached)]
@@ -66,16 +91,49 @@ def garbage(store: Store, forget: Sequence[str] = (), keep: Set[Place] | None = 
     unfinished = [path for path in files.leftovers(store.path) if gone.isdisjoint(path.parents)]
     blind = [path for path in blind if gone.isdisjoint(path.parents)]
     paths = [*blind, *folders, *stale, *unfinished]
-    return Garbage(paths, sum(files.size(path) or 0 for path in paths))
+    thinner = [new for entry in entries.values() if (new := thin.of(entry)) != entry]
+    return Garbage(paths, sum(files.size(path) or 0 for path in paths), thinner)
 
 
-def _reached(store: Store, forget: Sequence[str]) -> dict[PurePath, set[Place]]:
-    """What each record of a video reaches, of the runs which stay."""
+def freed(store: Store) -> dict[str, int]:
+    """Bytes of what each run alone reaches, the latest last: what forgetting it would free."""
+    reached: dict[Place, set[str]] = {}
+    for entry in _entries(store, ()).values():
+        for place in _places(entry):
+            reached.setdefault(place, set()).add(entry.run)
+    found = dict.fromkeys(run_ids(store), 0)
+    for place, path in _unreached(store, {place[:1] for place in reached if len(place) == 1}):
+        runs = reached.get(place, set())
+        if len(runs) == 1:
+            (run,) = runs
+            found[run] = found.get(run, 0) + (files.size(path) or 0)
+    return found
+
+
+def give_up(store: Store, entry: Entry) -> None:
+    """Remove what a finished run does without, as far as no other one has it."""
+    others = [found for path in entry_paths(store, video=entry.video) if (found := read_entry(path))]
+    reached = set().union(*map(_places, others))
+    for stage, key in entry.gone:
+        artifact = store.artifact(entry.video, stage, key)
+        if (entry.video, stage, key) not in reached:
+            files.remove(artifact.archive if artifact.packed else artifact.path)
+
+
+def _places(entry: Entry) -> set[Place]:
+    """What the record of a video in a run reaches."""
+    kept = set(entry.keys.items()) - entry.gone
+    probe = {(entry.video, PROBES, entry.keys["frames"])} if "frames" in entry.keys else set()
+    return {(entry.video,), *probe, *((entry.video, stage, key) for stage, key in kept)}
+
+
+def _entries(store: Store, forget: Sequence[str]) -> dict[PurePath, Entry]:
+    """The records of videos in the runs which stay, by their place."""
     paths = list(entry_paths(store))
     unknown = set(forget) - {*run_ids(store), *map(run_of, paths)}
     if unknown:
         raise StoreError(f"{store.path}: no run {', '.join(sorted(unknown))}; see zsmoseg runs")
-    reached = {}
+    found = {}
     for path in paths:
         if run_of(path) in forget:
             continue
@@ -85,8 +143,8 @@ def _reached(store: Store, forget: Sequence[str]) -> dict[PurePath, set[Place]]:
                 f"{path}: is damaged; what it reaches is not known, so nothing is removed; "
                 f"drop it with zsmoseg gc --forget {run_of(path)}"
             )
-        reached[path] = {(entry.video,), *((entry.video, stage, key) for stage, key in entry.keys.items())}
-    return reached
+        found[path] = entry
+    return found
 
 
 def _unreached(store: Store, reached: Set[Place]) -> Iterator[tuple[Place, PurePath]]:
@@ -99,7 +157,7 @@ def _unreached(store: Store, reached: Set[Place]) -> Iterator[tuple[Place, PureP
             if place not in reached:
                 yield place, artifact.archive if artifact.packed else artifact.path
         for path in store.video(video).probes():
-            if (video, "frames", path.stem) not in reached:
+            if reached.isdisjoint({(video, "frames", path.stem), (video, PROBES, path.stem)}):
                 yield (video, PROBES, path.stem), path
 
 
@@ -107,6 +165,8 @@ def remove_garbage(store: Store, found: Garbage, forget: Sequence[str] = ()) -> 
     """Drop the runs ``forget``, then remove ``found``: a crash leaves garbage, never a run without data."""
     for run in forget:
         forget_run(store, run)
+    for entry in found.thinner:
+        write_entry(store, entry)
     for path in found.paths:
         files.remove(path)
 
@@ -147,7 +207,7 @@ def _lost(store: Store) -> Iterator[tuple[Entry, dict[str, Damage]]]:
     """
     for entry in filter(None, map(read_entry, entry_paths(store))):
         lost = {}
-        for stage in entry.seen.keys() & entry.keys:
+        for stage in (entry.seen.keys() & entry.keys) - set(entry.dropped.split()):
             artifact = store.artifact(entry.video, stage, entry.keys[stage])
             if not artifact.packed and not files.exists(artifact.path):
                 lost[stage] = Damage(artifact.path, None, f"is gone; the run {entry.run} had finished it")

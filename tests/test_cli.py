@@ -394,3 +394,28 @@ def test_runs_lists_the_settings_in_which_they_differ(
         {"flow.stride=5", "groups.count=auto"},
         {"flow.stride=4", "groups.count=3"},
     ]
+
+
+REFUSED = {
+    "stage": ["--from", "dreams"],
+    "scheduler": ["--scheduler", "tcp://127.0.0.1:9"],
+    "name": ["--only", "cat"],
+    "proposals": ["--proposals", "nowhere"],
+    "end": ["--set", "video.start=3f", "--set", "video.end=3f"],
+    "output": [],
+}
+
+
+@pytest.mark.parametrize("why", REFUSED)
+def test_a_run_that_is_refused_leaves_no_store_and_takes_none_away(
+    why: str, done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if why == "output":
+        (tmp_path / "out" / "disc").mkdir(parents=True)
+        (tmp_path / "out" / "disc" / "holiday.png").write_bytes(b"x")
+    arguments = ["run", str(done / "disc"), "-o", str(tmp_path / "out"), *QUICK, *REFUSED[why]]
+    refused(arguments, capsys)
+    assert not (tmp_path / "zsmoseg-store").exists()
+    before = set(everything(done / "zsmoseg-store"))
+    refused([*arguments, "--store", str(done / "zsmoseg-store")], capsys)
+    assert before <= set(everything(done / "zsmoseg-store"))

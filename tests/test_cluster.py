@@ -15,11 +15,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import av
+import cv2
 import dask
 import numpy as np
 import pytest
 from clusters import Cluster, certificate, cluster, job, kill, pretend, until
-from runs import masks, segment
+from conftest import draw_clip
+from runs import data_bytes, masks, segment
 
 from zsmoseg import __version__
 from zsmoseg.errors import ClusterError
@@ -141,6 +144,34 @@ def test_a_cluster_behind_tls_takes_who_has_a_certificate_and_nobody_else(
         assert main([*run_it, address, "--from", "groups"]) == 2
         (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("zsmoseg:")]
         assert f"--scheduler {address}: no Dask scheduler answers there" in line
+
+
+@pytest.mark.parametrize(("threads", "processes"), [(2, True), (4, True), (4, False)])
+def test_threads_of_a_worker_share_no_decoder_and_leave_the_same_bytes(
+    threads: int, processes: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What ``dask worker`` and ``Client()`` start: tasks side by side in one process, or in that of the caller."""
+    from distributed import Client, LocalCluster
+
+    monkeypatch.setattr("zsmoseg.workflows.running.run.SMALL", 0.0)
+    monkeypatch.setattr(driving, "TINY", 0.0)  # a task a part
+    clip = tmp_path / "disc.mp4"
+    with av.open(str(clip), "w") as out:
+        stream = out.add_stream("libx264", 25)
+        stream.width, stream.height, stream.pix_fmt, stream.options = 128, 96, "yuv420p", {"g": "30"}
+        for image in draw_clip(0, 24, 96, 128)[0]:
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(image, "bgr24")))
+        out.mux(stream.encode())
+    segment(clip, tmp_path / "alone")
+    place: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "worker_dashboard_address": "127.0.0.1:0"}
+    before = cv2.getNumThreads()
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=threads, processes=processes, **place) as theirs,
+        Client(theirs) as client,
+    ):
+        segment(clip, tmp_path / "beside", scheduler=client)
+    assert cv2.getNumThreads() == before
+    assert data_bytes(tmp_path / "beside") == data_bytes(tmp_path / "alone")
 
 
 @pytest.mark.usefixtures("pretending")

@@ -76,6 +76,7 @@ def test_a_mover_that_rests_in_all_frames_is_said_to(moving: int) -> None:
         "tolerance": 0.15,
         "reason": Reason.JOINED,
         "visibility": 2.0,
+        "geometry": "not asked",
     }
     told = of_piece(row, 1.5)
     assert ("resting in all" in told) == (moving == 0)

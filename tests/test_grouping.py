@@ -201,7 +201,8 @@ def test_evidence_does_not_depend_on_the_slots_of_chunks() -> None:
     static, counts = np.arange(20) == 0, np.ones(20, np.bool_)
     for p in pairs_of(scene):
         a, b = (
-            evidence_of(x, static, MODEL, CORE.affinity.tolerance, counts) for x in (p, with_slots(p, 20))
+            evidence_of(x, static, MODEL, CORE.affinity.tolerance, counts, ~counts)
+            for x in (p, with_slots(p, 20))
         )
         assert a is not None
         assert b is not None

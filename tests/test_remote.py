@@ -395,7 +395,7 @@ def test_the_commands_answer_from_a_bucket(
 ) -> None:
     for command, told in (
         ("status", "done"),
-        ("runs", "1 videos: clip"),
+        ("runs", "1 video: clip"),
         ("verify", "every file is as it was written"),
         ("repair --yes", "every file is as it was written"),
         ("gc --yes", "0 artifacts and leftovers"),

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -182,3 +184,52 @@ for line in {list(CLOSED)}:
         assert "ermission denied" in said, (line, said)
     assert {path.name for path in root.iterdir()} >= {"good", "closed"}
     assert not (root / "out").exists()
+
+
+# ---------------------------------------------------------------------- Ctrl-C
+WATCHED = """
+import sys, time
+import zsmoseg.workflows.running.run as running
+import zsmoseg.workflows.running.local_cluster as local
+from zsmoseg.workflows.cli import main
+running.SMALL = 0.0
+real = local.unheard
+def unheard():
+    print("starting", file=sys.stderr, flush=True)
+    return real()
+local.unheard = unheard
+if __name__ == "__main__":
+    raise SystemExit(main())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="process groups are those of POSIX")
+@pytest.mark.parametrize("when", ["starting", "frames done"])
+@pytest.mark.parametrize("times", [1, 2])
+def test_ctrl_c_ends_it_without_a_word_of_python_whenever_it_comes(
+    when: str, times: int, clip: Path, tmp_path: Path
+) -> None:
+    """To all processes of the terminal, as Ctrl-C is; while the cluster starts it is not lost."""
+    (tmp_path / "script.py").write_text(WATCHED)
+    words = ["run", str(clip), "-o", "out", "--scheduler", "local", "--workers", "1"]
+    with subprocess.Popen(
+        [sys.executable, "script.py", *words, "--set", "chunk.length=2"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        assert process.stderr is not None
+        next(line for line in process.stderr if when in line)
+        for n in range(times):
+            time.sleep(0.5 * n)
+            os.killpg(process.pid, signal.SIGINT)
+        rest = process.stderr.read()
+    said = [line for line in rest.splitlines() if not line.startswith("disc")]
+    if times == 1:
+        assert process.returncode == 130
+        assert said == ["zsmoseg: interrupted; what was finished is kept"]
+    else:
+        assert process.returncode in (130, -signal.SIGINT)
+        assert set(said) <= {"zsmoseg: interrupted; what was finished is kept"}

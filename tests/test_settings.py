@@ -14,6 +14,7 @@ from zsmoseg.errors import SettingsError
 from zsmoseg.flow.dis import Dis
 from zsmoseg.flow.pairs import PairCriteria
 from zsmoseg.grouping.core import Core
+from zsmoseg.grouping.geometry import Limits
 from zsmoseg.settings import Section, defaults, describe, parse_override, resolve
 from zsmoseg.settings.gone import GONE, GONE_VALUES
 from zsmoseg.video.probe import Excerpt
@@ -96,12 +97,15 @@ def leaves(kind: Any) -> set[str]:
     }
 
 
+CORE = {field.name: get_type_hints(Core)[field.name] for field in fields(Core)}
+
+
 @pytest.mark.parametrize(
     ("section", "kinds"),
     [
         ("video", [Excerpt]),
         ("flow", [Dis, PairCriteria]),
-        *((field.name, [get_type_hints(Core)[field.name]]) for field in fields(Core)),
+        *((name, [kind, *([Limits] if name == "affinity" else [])]) for name, kind in CORE.items()),
     ],
 )
 def test_the_science_reads_every_setting_of_a_section_but_what_stages_read(
@@ -110,7 +114,8 @@ def test_the_science_reads_every_setting_of_a_section_but_what_stages_read(
     names = set(type(getattr(resolve(), section)).model_fields)
     read = set().union(*map(leaves, kinds))
     assert read <= names
-    assert names - read <= {"fingerprint", "source", "path", "model", "cues", "fusion", "columns"}
+    of_stages = {"fingerprint", "source", "path", "model", "cues", "fusion", "columns", "geometry"}
+    assert names - read <= of_stages
 
 
 def test_sections_are_sections() -> None:

@@ -10,11 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 import pytest
-from coded import Change, evenly, look, numbers, write
+from coded import Change, coded, evenly, look, numbers, write
+from runs import segment
 
-from zsmoseg.errors import VideoError
+from zsmoseg.errors import SettingsError, VideoError
+from zsmoseg.settings import resolve
+from zsmoseg.settings.tree import defaults
+from zsmoseg.settings.words import describe
 from zsmoseg.video.frames import read
 from zsmoseg.video.times import settle
 
@@ -262,3 +267,77 @@ def test_times_are_always_later_than_those_before_them() -> None:
         assert len(clock.times) == len(said)
         assert clock.times[0] == 0
         assert all(b > a for a, b in zip(clock.times, clock.times[1:], strict=False)), said
+
+
+@pytest.mark.parametrize(
+    ("text", "first"),
+    [
+        ("0:01", 25), ("0:00.4", 10), ("00:00:01.2", 30), ("0:0:1", 25), ("1", 25), ("1s", 25), ("1.0", 25), ("25f", 25),
+        ("0:00", 0), ("00:01.000", 25), ("0:1", 25),
+    ],
+)  # fmt: skip
+def test_times_are_understood_as_people_write_them(text: str, first: int, tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mp4", bf="0")
+    assert look(path, start=text).indices[0] == first
+    if first:
+        assert look(path, end=text).indices[-1] == first - 1
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("1:02:03.5", 3723.5), ("2:00", 120), ("90:00", 5400), ("29:00:00", 104_400)]
+)
+def test_hours_and_minutes_count(text: str, seconds: float, tmp_path: Path) -> None:
+    def pause(n: int, packet: Any) -> None:
+        retick(packet, 1000)
+        packet.pts = packet.dts = packet.pts if n < 3 else round(1000 * (seconds + n - 3))
+
+    path = write(tmp_path / "a.mkv", range(6), change=pause, bf="0")
+    assert look(path, start=text).indices == (3, 4, 5)
+    assert look(path, end=text).indices == (0, 1, 2)
+
+
+@pytest.mark.parametrize(
+    "text", ["soon", "1:75", "1:2:3:4", "-3", "1m30s", "1,5", "00:00:01:12", "1e3", "12.5f", ":30", "0:"]
+)
+def test_other_times_are_refused_in_words_and_no_pattern_is_shown(text: str) -> None:
+    with pytest.raises(SettingsError) as told:
+        resolve(overrides={"video.start": text})
+    assert str(told.value) == (
+        f"settings: video.start = {text!r}: expected seconds (12.5), a time (0:01, 1:02:03.5) or a frame number (300f)"
+    )
+
+
+def test_no_setting_shows_a_pattern() -> None:
+    for name in defaults():
+        assert not re.search(r"[\\^$]", str(describe(name)["allowed"])), name
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("a.h264", None),
+        ("a.mp4", always(0, 1, Fraction(1, 12_800))),
+        ("b.mp4", always(0, 100, Fraction(1))),
+        ("a.mkv", always(7)),
+    ],
+)
+def test_overlay_and_table_of_a_run_have_times_that_can_be_believed(
+    name: str, change: Change | None, tmp_path: Path
+) -> None:
+    path = write(tmp_path / name, range(6), size=(96, 64), change=change, bf="0")
+    segment(path, tmp_path)
+    with av.open(str(tmp_path / "out" / name[0] / "overlay.mp4")) as container:
+        assert container.streams.video[0].average_rate == 25
+        assert sum(1 for _ in container.decode(video=0)) == 6
+    rows = (tmp_path / "out" / name[0] / "motion.csv").read_text().splitlines()[1:]
+    assert all(float(row.split(",")[2]) == pytest.approx(0.04 * int(row.split(",")[0])) for row in rows)
+    assert "make sense: 25 a second are taken" in (tmp_path / "out" / name[0] / "summary.json").read_text()
+
+
+def test_an_overlay_of_pictures_far_apart_is_shown_in_seconds(tmp_path: Path) -> None:
+    for n in range(3):
+        (tmp_path / "shot").mkdir(exist_ok=True)
+        cv2.imwrite(str(tmp_path / "shot" / f"{n}.png"), coded(n, 96, 64))
+    segment(tmp_path / "shot", tmp_path, {"video.fps": 0.002})
+    with av.open(str(tmp_path / "out/shot/overlay.mp4")) as container:
+        assert container.streams.video[0].average_rate == Fraction(1, 10)

@@ -533,7 +533,7 @@ def test_reading_in_order_decodes_each_frame_once(clips: Path, monkeypatch: pyte
     starts = []
     start = decoding.Decoder._start
     monkeypatch.setattr(decoding.Decoder, "_start", lambda self, *at: (starts.append(at), start(self, *at)))
-    decoding._kept.cache_clear()
+    vars(decoding._KEPT).clear()
     looked = probe(str(clips / "b-frames.mp4"), excerpt())
     starts.clear()
     for first in range(0, COUNT, 8):

@@ -31,7 +31,8 @@ def reasons(store: Store, video: str, stage: str, settings: Settings) -> list[st
         raise StoreError(f"{video}: no stage {stage} with these settings; there are {', '.join(plan.stages)}")
     planned, before = plan.stages[stage], entry.keys.get(stage)
     parts = f"{len(planned.todo)} of {len(planned.parts)} parts to do"
-    lines = [f"{stage}: {parts}: {planned.reason}" if planned.todo else f"{stage}: done, nothing to do"]
+    done = "not kept; made again where something reads it" if plan.lacks(planned) else "done, nothing to do"
+    lines = [f"{stage}: {parts}: {planned.reason}" if planned.todo else f"{stage}: {done}"]
     if before is None:
         return [*lines, f"the latest run, {entry.run}, did not come to {stage}"]
     if before == planned.key:

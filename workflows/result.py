@@ -215,7 +215,9 @@ class Result:
         """One row a piece, as it was proposed: piece, the object that it belongs to, group, frames, area, evidence.
 
         ``world`` is the affinity with the static world, tolerance / (tolerance + excess): one half = at the tolerance.
-        ``reason``: what decided (``zsmoseg.grouping.decisions``). Of proposed masks also ``origin``, the id in the files, and
+        ``reason``: what decided (``zsmoseg.grouping.decisions``). ``geometry``: whether it obeys that of the static world, or
+        why that is not known, with what was measured: ``front``, ``error``, ``parallax``, ``foot``; ``counts``: whether its
+        evidence counts beside what obeys. Of proposed masks also ``origin``, the id in the files, and
         ``category`` where a network named them.
         """
         import pandas as pd
@@ -226,7 +228,7 @@ class Result:
             "object": objects_of_pieces(groups),
             **{name: getattr(groups, name) for name in ("group", "frames", "frames_moving", "area")},
             **{name: getattr(groups, name) for name in (*EVIDENCE, "reason")},
-            "visibility": self.affinity.visibilities(len(groups.group)),
+            **self.affinity.evidence(len(groups.group)),
         }
         if "proposals" in self.keys:
             columns["origin"] = MaskObjects.read(self.artifact("objects")).origin

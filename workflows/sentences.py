@@ -68,6 +68,27 @@ def evidence(piece: Row, visible: float) -> str:
 
 
 def _measured(piece: Row, visible: float) -> str:
+    if piece["geometry"] == "obeys":
+        return f"it stands on the ground beside it: {_geometry(piece)}: affinity {piece['world']:.2f} with the world"
+    return f"{_beside(piece)}{_against_world(piece, visible)}"
+
+
+def _geometry(piece: Row) -> str:
+    """What was measured of its geometry."""
+    found = ((name, piece[name]) for name in ("front", "error", "parallax", "foot"))
+    return ", ".join(f"{name} {value:.2f}" if isfinite(value) else f"{name} unknown" for name, value in found)
+
+
+def _beside(piece: Row) -> str:
+    """What the geometry of the static world says of what does not obey it."""
+    if piece["geometry"] == "not asked":
+        return ""
+    if piece["geometry"] == "breaks":
+        return f"it does not stand on the ground beside it: {_geometry(piece)}; "
+    return f"whether it stands on the ground beside it is not known ({piece['geometry']}); "
+
+
+def _against_world(piece: Row, visible: float) -> str:
     if isfinite(piece["world"]):
         side = "below" if piece["world"] < BORDER else "not below"
         return (
@@ -80,7 +101,9 @@ def _measured(piece: Row, visible: float) -> str:
             "the static world's motion explains its image as well as its own flow does (error ratio "
             f"{piece['visibility']:.2f}, needed {visible:.2f})"
         )
-    return "no pair of frames shows it against the static world"
+    if piece["counts"]:
+        return "no pair of frames shows it against the static world"
+    return "what it costs the static world counts for nothing beside what stands on the ground"
 
 
 def _decided(piece: Row) -> str:

@@ -25,7 +25,7 @@ from zsmoseg.stores.beginning import plan_of
 from zsmoseg.stores.fields import LABELS, Grid, videos_of
 from zsmoseg.stores.schema import ArraySpec
 from zsmoseg.video.frames import read
-from zsmoseg.video.ignore import read_ignore
+from zsmoseg.video.ignore import describe_ignore, read_ignore
 from zsmoseg.video.probe import Probe
 
 ALL = -1
@@ -122,6 +122,17 @@ class Part:
 def ignored(section: settings.Ignore, height: int, width: int) -> NDArray[np.bool_] | None:
     """(height, width) true where pixels count for nothing; None without a mask."""
     return read_ignore(section.mask, height, width) if section.mask else None
+
+
+def ignored_words(section: settings.Ignore, height: int, width: int) -> list[str]:
+    """What is ignored of frames of the displayed size, in words; nothing without a mask.
+
+    Raises
+    ------
+    SettingsError
+        The mask does not fit, or leaves nothing.
+    """
+    return [describe_ignore(section.mask, height, width)] if section.mask else []
 
 
 I = TypeVar("I")  # noqa: E741

@@ -102,6 +102,13 @@ def execution_options(parser: argparse.ArgumentParser) -> None:
         help="take over what another run left locked, if it gave no sign for 30 s, without watching it first",
     )
     add(
+        "--keep",
+        choices=("masks", "cues", "all"),
+        default="all",
+        help="what stays in the store once a video is finished: what results are read from (masks), frames, flow and depth "
+        "too, or all (default); what is gone is made again where another setting needs it",
+    )
+    add(
         "--patience",
         type=seconds,
         default=300.0,
@@ -112,14 +119,14 @@ def execution_options(parser: argparse.ArgumentParser) -> None:
 
 def execution(options: argparse.Namespace) -> dict[str, Any]:
     """What these options say, for a ``Request``."""
-    return {name: getattr(options, name) for name in ("scheduler", "workers", "patience", "steal")}
+    return {name: getattr(options, name) for name in ("scheduler", "workers", "patience", "steal", "keep")}
 
 
 def frame_options(parser: argparse.ArgumentParser) -> None:
     """Which frames are used."""
     add = parser.add_argument
-    add("--start", metavar="T", help="first frame: seconds, or 300f (video.start)")
-    add("--end", metavar="T", help="end, exclusive: seconds, or 300f (video.end)")
+    add("--start", metavar="T", help="first frame: seconds, 1:02:03.5, or 300f (video.start)")
+    add("--end", metavar="T", help="end, exclusive: seconds, 1:02:03.5, or 300f (video.end)")
     add("--every", metavar="N", help="use every n-th frame (video.every)")
     add("--allow-truncated", action="store_true", help="use what can be decoded of a damaged video")
 

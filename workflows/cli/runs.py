@@ -22,7 +22,7 @@ def main(options: argparse.Namespace) -> int:
     """A line a run, the latest last; under it the settings that are not the same in all of them."""
     from zsmoseg.stores.location import Store
     from zsmoseg.stores.runs import list_runs
-    from zsmoseg.workflows.planning.plan import shown
+    from zsmoseg.workflows.planning.differences import shown
     from zsmoseg.workflows.wording import counted
 
     records = list_runs(Store.open(store_path(options.store), create=False))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -20,7 +19,7 @@ from zsmoseg.workflows.evaluate.predictions import Prediction
 from zsmoseg.workflows.evaluate.scoreboard import Scoreboard
 from zsmoseg.workflows.evaluate.scoring import Job, Scored, score
 from zsmoseg.workflows.planning.estimate import cores
-from zsmoseg.workflows.running.guard import refuse_unguarded
+from zsmoseg.workflows.running.guard import refuse_unguarded, unheard
 
 SMALL = 100
 """Frames in all up to which starting processes takes longer than scoring."""
@@ -118,7 +117,9 @@ def score_all(jobs: Sequence[Job], workers: int | None = None) -> list[Scored]:
     refuse_unguarded()
     pool = ProcessPoolExecutor(count, get_context("spawn"), _quiet)
     try:
-        return list(pool.map(score, jobs))
+        with unheard():
+            found = pool.map(score, jobs)
+        return list(found)
     except BrokenProcessPool as error:
         raise StageError("a scoring process was killed (out of memory?); try --workers 1") from error
     finally:
@@ -134,6 +135,5 @@ def _gathered(notes: Iterable[tuple[str, str]]) -> tuple[str, ...]:
 
 
 def _quiet() -> None:
-    """Before the first task of a process: one thread, and Ctrl-C is for the parent."""
+    """Before the first task of a process: one thread."""
     cv2.setNumThreads(1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -94,6 +94,11 @@ def _jobs(result: Result, out: Path, choice: Choice) -> list[Job]:
 
 def _check_cues(result: Result, cues: Sequence[str]) -> None:
     for cue in cues:
+        if not result.artifact(cue).exists:
+            raise StoreError(
+                f"{result.name}: its {cue} is not in the store (any more); make it again with "
+                f"zsmoseg run {result.probe.source} --from {cue}"
+            )
         if not result.artifact(cue).arrays:
             raise StoreError(
                 f"{result.name}: this run has no {cue}; run it with one, or leave out --cue {cue}"

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import groupby
 from operator import itemgetter
-from textwrap import shorten
 from typing import Any
 
 from zsmoseg.errors import SettingsError
-from zsmoseg.networks.references import in_words, is_pinned
+from zsmoseg.networks.references import is_pinned
 from zsmoseg.settings import Settings
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.checks import part_problem
@@ -24,7 +23,8 @@ from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.imports.contents import check
 from zsmoseg.workflows.imports.record import Brought
 from zsmoseg.workflows.imports.settling import settle
-from zsmoseg.workflows.stage import ALL, Stage, description, working_size
+from zsmoseg.workflows.planning.differences import differences
+from zsmoseg.workflows.stage import ALL, Stage, description, ignored_words, working_size
 from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
 from zsmoseg.workflows.wording import counted
 
@@ -79,7 +79,8 @@ class StagePlan:
 class VideoPlan:
     """One video: the stages in order, of the graph ``graph``; ``brought`` are the cues that were imported.
 
-    ``known``: stages and keys of artifacts that are whole; ``seen``: how they are (``stores/seen.py``); ``settled``: the summary of
+    ``known``: stages and keys of artifacts that are whole; ``dropped``: of those that runs do without; ``seen``: how they are
+    (``stores/seen.py``); ``notes``: what its user should know of the source and what is ignored of it; ``settled``: the summary of
     a video for which nothing is to be done or written.
     """
 
@@ -93,7 +94,9 @@ class VideoPlan:
     graph: str = "embedded-flow"
     brought: Mapping[str, Brought] = field(default_factory=dict)
     known: Set[tuple[str, str]] = frozenset()
+    dropped: Set[tuple[str, str]] = frozenset()
     seen: Mapping[str, str] = field(default_factory=dict)
+    notes: Sequence[str] = ()
     settled: dict[str, Any] | None = None
 
     @property
@@ -106,6 +109,10 @@ class VideoPlan:
             if s.stage.files is not None
             for name in s.stage.files(self.probe, 0, frames, s.stage.chosen(s.given))
         ]
+
+    def lacks(self, stage: StagePlan) -> bool:
+        """Whether the artifact of a stage was dropped, and nothing asked for it."""
+        return (stage.stage.name, stage.key) in self.dropped
 
     @property
     def todo(self) -> int:
@@ -136,6 +143,7 @@ def plan_video(
     until: Sequence[str] = (),
     alone: bool = True,
     known: Set[tuple[str, str]] = frozenset(),
+    dropped: Set[tuple[str, str]] = frozenset(),
 ) -> VideoPlan:
     """The plan of one video, up to the stages ``until``; without them all.
 
@@ -145,11 +153,13 @@ def plan_video(
         No other video is asked for.
     known
         Stages and keys of artifacts that are whole: they are not looked at.
+    dropped
+        Of those that runs do without: they are made again where something that is to do reads them.
 
     Raises
     ------
     SettingsError
-        ``start_from`` or ``until`` name no stage; sources of cues that contradict each other.
+        ``start_from`` or ``until`` name no stage; sources of cues that contradict each other; an ignore mask that does not fit.
     FormatError
         Files of an imported cue do not fit.
     OutputError
@@ -162,7 +172,20 @@ def plan_video(
         if value is not None and value not in stages:
             what = "no stage with these settings" if value in names() else "no such stage"
             raise SettingsError(f"{option} {value}: {what}; there are {', '.join(stages)}")
-    plan = VideoPlan(source, name, video, fingerprint, probe, {}, Output(out, video), graph, brought, known)
+    plan = VideoPlan(
+        source,
+        name,
+        video,
+        fingerprint,
+        probe,
+        {},
+        Output(out, video),
+        graph,
+        brought,
+        known | dropped,
+        dropped,
+    )
+    plan.notes = [*probe.notes, *ignored_words(settings.ignore, probe.height, probe.width)]
     needed = _needed(stages, until)
     for stage in needed:
         plan.stages[stage.name] = _plan_stage(plan, store, stage, settings)
@@ -171,6 +194,7 @@ def plan_video(
     again = following(stages, start_from) if start_from else set()
     for planned in plan.stages.values():
         _mark(plan, planned, planned.stage.name in again, start_from)
+    _bring_back(plan)
     for kind in brought:
         if kind in plan.stages and plan.stages[kind].todo:
             grid = working_size(probe, settings.frames.width)
@@ -252,6 +276,16 @@ def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None
         stage.reason = f"input redone: {', '.join(changed)}"
 
 
+def _bring_back(plan: VideoPlan) -> None:
+    """Mark what was dropped and is read by something that is to do."""
+    for stage in reversed(plan.stages.values()):
+        for other in (plan.stages[name] for name in stage.stage.reaches):
+            if stage.todo and not other.todo and plan.lacks(other):
+                other.todo = list(range(len(other.parts)))
+                other.reason = f"not kept, and {stage.stage.name} reads it"
+    plan.dropped -= {(stage.stage.name, stage.key) for stage in plan.stages.values() if stage.todo}
+
+
 def _problems(plan: VideoPlan, stage: StagePlan) -> dict[int, str]:
     """Why parts are not usable; without those that are."""
     parts = range(len(stage.parts))
@@ -297,28 +331,14 @@ def _what_changed(plan: VideoPlan, stage: StagePlan) -> str:
     return f"input changed: {', '.join(changed)}" if changed else "the source was read anew"
 
 
-def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    """``setting flow.stride: 4 -> 5`` for every setting that differs."""
-    return [
-        f"setting {section}.{name}: {shown(old.get(section, {}).get(name))} -> {shown(value)}"
-        for section, fields in new.items()
-        for name, value in fields.items()
-        if old.get(section, {}).get(name, value) != value
-    ]
-
-
-def shown(value: Any) -> str:
-    """A value as it is shown: short, and of a model its name and the front of its digest."""
-    return shorten(str(in_words(value)), 80, placeholder=" ...")
-
-
 def explain_plan(plans: Sequence[VideoPlan]) -> list[str]:
     """The plan as lines: one per video, one per stage to do; stages that share their reason share a line."""
     lines = []
     for plan in plans:
-        done = [s.stage.name for s in plan.stages.values() if not s.todo]
+        done = [s.stage.name for s in plan.stages.values() if not s.todo and not plan.lacks(s)]
         frames, parts = counted(len(plan.probe.times), "frame"), counted(plan.todo, "part")
         lines.append(f"{plan.name}: {frames}, {parts} to do")
+        lines += [f"  {note}" for note in plan.notes]
         for reason, group in groupby((s for s in plan.stages.values() if s.todo), key=lambda s: s.reason):
             stages = list(group)
             names = ", ".join(s.stage.name for s in stages)

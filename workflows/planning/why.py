@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from zsmoseg.workflows.planning.plan import differences
+from zsmoseg.workflows.planning.differences import differences
 
 Description = Mapping[str, Any]
 """What is written beside an artifact: stage, version, key, settings, inputs."""

@@ -23,7 +23,7 @@ def prepare(store: Store, plan: VideoPlan) -> None:
     """
     store.video(plan.video).keep_probe(plan.stages["frames"].key, plan.probe.to_json())
     for stage in plan.stages.values():
-        if stage.artifact is None:
+        if stage.artifact is None or plan.lacks(stage):
             continue
         if not stage.packed:
             _begin(stage, stage.artifact, plan)
@@ -49,7 +49,7 @@ def _begin(stage: StagePlan, artifact: Artifact, plan: VideoPlan) -> None:
 def seal_video(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
     """Seal what the task of the last part has not sealed; the summary where the plan leaves files."""
     for stage in plan.stages.values():
-        if stage.artifact is not None and not stage.packed and stage.stage.leaves:
+        if stage.artifact is not None and not stage.packed and stage.stage.leaves and not plan.lacks(stage):
             seal_once(stage.artifact, stage.stage.leaves, plan.probe.times, plan.probe.names)
     frames = plan.stages["frames"].artifact
     assert frames is not None

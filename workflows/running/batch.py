@@ -13,13 +13,14 @@ from zsmoseg.stores import files, seen
 from zsmoseg.stores.leases import lease
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.runs import DONE, FAILED, RUNNING, Entry, RunRecord
+from zsmoseg.stores.upkeep import give_up
 from zsmoseg.workflows.planning.estimate import Estimate, estimate, refuse_full_disk
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.planning.rates import Rates, Taken, work
 from zsmoseg.workflows.running.artifacts import prepare, seal_video
 from zsmoseg.workflows.running.choosing import Named
 from zsmoseg.workflows.running.first_look import make_plan
-from zsmoseg.workflows.running.request import Failure, Report, Request, Watcher
+from zsmoseg.workflows.running.request import KEPT, Failure, Report, Request, Watcher
 
 
 class Batch:
@@ -290,8 +291,21 @@ class Batch:
             {name: stage.key for name, stage in plan.stages.items()},
             outcome,
             seen=plan.seen if outcome == DONE else {},
+            dropped=self._dropped(plan, outcome),
         )
         self.record.note(replace(entry, failure=failure.message, trace=failure.trace) if failure else entry)
+        if outcome == DONE and entry.dropped:
+            give_up(self.store, entry)
+
+    def _dropped(self, plan: VideoPlan, outcome: str) -> str:
+        """The stages whose artifacts a video does without, once it is finished or before."""
+        artifacts = {name: stage for name, stage in plan.stages.items() if stage.artifact is not None}
+        kept = (
+            {*artifacts}
+            if outcome != DONE
+            else {*KEPT.get(self.request.keep, artifacts), *self.request.until}
+        )
+        return " ".join(n for n, stage in artifacts.items() if n not in kept or plan.lacks(stage))
 
     def _seen(self, plan: VideoPlan) -> dict[str, str]:
         """How its artifacts are."""

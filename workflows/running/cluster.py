@@ -15,7 +15,7 @@ from zsmoseg.errors import ClusterError
 from zsmoseg.workflows.planning.estimate import cores
 from zsmoseg.workflows.running.deadlines import STARTING, Deadlines
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
-from zsmoseg.workflows.running.local_cluster import start
+from zsmoseg.workflows.running.local_cluster import CLOSING, start
 from zsmoseg.workflows.running.request import PATIENCE
 from zsmoseg.workflows.running.whole import Ordered, all_failed, run_jobs
 from zsmoseg.workflows.running.workers import Needs, problems, refuse, within
@@ -30,8 +30,6 @@ LOOK = 5.0
 """Seconds from one look at the cluster to the next while results come."""
 LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
 """They print tracebacks of what the run says in a line. Dask gives some of them a level of their own when it is imported."""
-CLOSING = 5.0
-"""Seconds to let go of a cluster that may be gone."""
 AGAIN = "what was finished is kept; mend the cluster and run the same command again"
 
 

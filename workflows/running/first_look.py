@@ -51,6 +51,7 @@ def _planned(request: Request, store: Store, source: str, name: str, alone: bool
             request.until,
             alone,
             known,
+            last.gone if last else set(),
         )
         plan.seen, plan.settled = now, settled(plan, settings)
         return plan

@@ -1,8 +1,11 @@
-"""Scripts without a guard: a process that is started loads the script anew, and must not do what the script does."""
+"""Processes that are started load the script of the one that starts them, and are not meant by its Ctrl-C."""
 
 from __future__ import annotations
 
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from multiprocessing import current_process, get_context
 
 from zsmoseg.errors import ClusterError
@@ -27,8 +30,13 @@ def refuse_unguarded() -> None:
     """
     leave_if_imported_again()
     trial = get_context("spawn").Process(target=_nothing)
-    trial.start()
-    trial.join()
+    with unheard():
+        trial.start()
+    try:
+        trial.join()
+    except BaseException:
+        trial.kill()
+        raise
     if not trial.exitcode:
         return
     script = getattr(sys.modules["__main__"], "__file__", None) or "this program"
@@ -41,6 +49,19 @@ def refuse_unguarded() -> None:
         f"{script}: starts processes, and each of them loads it again; put what it does below if __name__ == '__main__':, "
         "or do all in this process: scheduler='serial', or workers=1 of evaluate"
     )
+
+
+@contextmanager
+def unheard() -> Iterator[None]:
+    """Processes that are started within do not hear Ctrl-C; this one hears it afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _nothing() -> None:

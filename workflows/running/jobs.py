@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
+import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -209,18 +210,40 @@ def _before(job: Job, stage: Stage[Any, Any], store: Store) -> Any:
     return stage.leaves.read(artifact, *artifact.parts[job.part - 1])
 
 
+class _OneThread:
+    """What ``one_thread`` found: the first task of a process that enters limits it, the last one that leaves puts it back."""
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self._limits = threading.Lock(), 0, ExitStack()
+
+    def enter(self) -> None:
+        import cv2
+
+        with self._lock:
+            if not self._inside:
+                self._limits.callback(cv2.setNumThreads, cv2.getNumThreads())
+                cv2.setNumThreads(1)
+                self._limits.enter_context(_thread_pools().limit(limits=1))
+            self._inside += 1
+
+    def leave(self) -> None:
+        with self._lock:
+            self._inside -= 1
+            if not self._inside:
+                self._limits.close()
+
+
+_ONE_THREAD = _OneThread()
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
     """OpenCV and BLAS in one thread: more would crowd the cores, and sums must not depend on their number."""
-    import cv2
-
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
+    _ONE_THREAD.enter()
     try:
-        with _thread_pools().limit(limits=1):
-            yield
+        yield
     finally:
-        cv2.setNumThreads(before)
+        _ONE_THREAD.leave()
 
 
 @cache

@@ -64,6 +64,7 @@ class Lines:
         self.tally = Tally()
         self.course = Course(Rates.load())
         self.begun = self._told = time.monotonic()
+        self._notes: set[str] = set()
         self._over = Event()
 
     def say(self, line: str = "") -> None:
@@ -73,9 +74,13 @@ class Lines:
     def planned(self, plan: VideoPlan) -> None:
         """The plans of the first few videos."""
         self.course.plan(plan)
-        if self.course.planned <= SHOWN:
-            for line in explain_plan([plan]):
-                self.say(line)
+        for line in explain_plan([plan]) if self.course.planned <= SHOWN else self._new_notes(plan):
+            self.say(line)
+        self._notes.update(plan.notes)
+
+    def _new_notes(self, plan: VideoPlan) -> list[str]:
+        """What is to be known of a video, and was not said of another."""
+        return [f"{plan.name}: {note}" for note in plan.notes if note not in self._notes]
 
     def estimated(self, guess: Estimate) -> None:
         """What all will take."""

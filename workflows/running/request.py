@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from traceback import format_exception
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from zsmoseg.errors import ZsmosegError, in_words
 from zsmoseg.settings import Settings
@@ -42,9 +42,20 @@ class Choice:
     limit: int | None = None
 
 
+Keep = Literal["masks", "cues", "all"]
+"""Which artifacts stay in the store once a video is finished."""
+RESULTS = frozenset({"objects", "labels", "residuals", "affinity", "groups"})
+"""Stages that results, exports of masks and ``explain`` read."""
+KEPT: dict[Keep, frozenset[str]] = {
+    "masks": RESULTS,
+    "cues": RESULTS | {"frames", "flow", "depth", "proposals"},
+}
+"""What stays; not in it: everything."""
+
+
 @dataclass(frozen=True)
 class Request:
-    """What a user asked for; ``steal``: take what expired leases hold without watching whether they beat."""
+    """What a user asked for; ``steal``: take what expired leases hold without watching whether they beat; ``keep``: what stays."""
 
     sources: Sequence[str]
     out: PurePath = Path("zsmoseg-out")
@@ -57,6 +68,7 @@ class Request:
     choice: Choice = Choice()
     patience: float = PATIENCE
     steal: bool = False
+    keep: Keep = "all"
 
 
 class Watcher(Protocol):

@@ -67,20 +67,30 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
         place, _ = files.folder(request.store), files.folder(request.out)
         with one_look():
             found = found_in(request)
+        report, new = Report(), not files.exists(place)
         store = Store.open(place, create=True)
-        meant = choose(found, request.choice, store)
-        report = Report([name for _, name in meant])
-        if not meant:
-            watcher.note(nothing_left(len(found), request.choice))
-            return report
-        batch = Batch(request, store, meant, len(found) == 1, report, watcher)
-        outcome = INTERRUPTED
         try:
-            _compute(batch)
-            outcome = FAILED if report.failures else DONE
-        finally:
-            batch.end(outcome)
-            batch.rates.keep()
+            return _run(request, store, found, report, watcher)
+        except ZsmosegError:
+            if new and not report.started:
+                store.unmake(report.run)
+            raise
+
+
+def _run(request: Request, store: Store, found: Sequence[Named], report: Report, watcher: Watcher) -> Report:
+    meant = choose(found, request.choice, store)
+    report.names = [name for _, name in meant]
+    if not meant:
+        watcher.note(nothing_left(len(found), request.choice))
+        return report
+    batch = Batch(request, store, meant, len(found) == 1, report, watcher)
+    outcome = INTERRUPTED
+    try:
+        _compute(batch)
+        outcome = FAILED if report.failures else DONE
+    finally:
+        batch.end(outcome)
+        batch.rates.keep()
     return report
 
 

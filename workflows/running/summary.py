@@ -77,6 +77,7 @@ def _about(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
         "fingerprint": plan.fingerprint,
         "frames": len(plan.probe.times),
         "size": [plan.probe.width, plan.probe.height],
+        "notes": list(plan.notes),
         "settings": settings.flat(),
         "keys": {name: stage.key for name, stage in plan.stages.items()},
     }
@@ -130,7 +131,9 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
         "warnings": record.facts["warnings"],
         "evidence": evidence,
         "stages": {
-            name: _cost(plan, name) for name, stage in plan.stages.items() if stage.artifact is not None
+            name: _cost(plan, name)
+            for name, stage in plan.stages.items()
+            if stage.artifact is not None and not plan.lacks(stage)
         },
     }
 
@@ -139,14 +142,15 @@ def _evidence(plan: VideoPlan, found: Groups) -> Iterator[dict[str, Any]]:
     """A record an object, with what is known of the piece of its number; under it the pieces that joined it."""
     described = plan.stages["objects"].artifact
     names = object_names(described) if described is not None and "detections" in plan.stages else []
-    visibility = _read(plan, "affinity", Affinity).visibilities(len(found.group))
+    seen = _read(plan, "affinity", Affinity).evidence(len(found.group))
 
     def proof(n: int) -> dict[str, Any]:
         return {
             "excess_px": _known(found.excess[n]),
             "tolerance_px": _known(found.tolerance[n]),
             "affinity_with_world": _known(found.world[n]),
-            "visibility": _known(visibility[n]),
+            "geometry": str(seen["geometry"][n]),
+            **{name: _known(values[n]) for name, values in seen.items() if values.dtype.kind == "f"},
             "decided_by": Reason(int(found.reason[n])).name.lower(),
         }
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.grouping.fusion import fused
+from zsmoseg.grouping.geometry import Geometry
 from zsmoseg.grouping.kernels import geometric, merge, ordered, ordered_weighted
 from zsmoseg.grouping.world import Evidence, Pair, Shot, Tolerance, World, shares, static_world
 from zsmoseg.motion.models import Floats, Model
@@ -83,6 +84,7 @@ def shot_affinity(
     kernel: Kernel,
     visibility: Floats | None = None,
     views: Views = (),
+    geometry: Geometry | None = None,
 ) -> ShotAffinity:
     """The affinity of one shot.
 
@@ -93,11 +95,13 @@ def shot_affinity(
     visibility : (N,) what the world's motion leaves unexplained of an object's pixels over what its flow does; None:
         there are no pictures.
     views : residuals of two-view geometry, for ``kernel.cues`` other than flow.
+    geometry : what obeys it has affinity 1 with the world; None: nothing is known of it.
     """
     count = size[1]
+    geometry = geometry or Geometry.unasked(count)
     counts = np.ones(count, np.bool_) if visibility is None else visibility >= kernel.visible
-    counts[0] = True
-    world = static_world(shot, count, model, kernel.tolerance, counts)
+    counts = (counts & geometry.counts) | geometry.obeys | (np.arange(count) == 0)
+    world = static_world(shot, count, model, kernel.tolerance, counts, geometry.obeys)
     cues = []
     if kernel.cues != "epipolar":
         cues.append(accumulate(of_flow(shot, world, model, kernel), count))
@@ -109,6 +113,7 @@ def shot_affinity(
     else:
         columns = kernel.columns if kernel.fusion == "coregularised" else None
         affinity = fused([completed(a) for a in affinities], columns, kernel.kernel != "merge")
+    affinity[0, geometry.obeys] = affinity[geometry.obeys, 0] = 1.0
     by_world = kernel.kernel == "merge" and kernel.cues == "flow"
     return ShotAffinity(
         affinity,

@@ -45,13 +45,13 @@ def robust_model(first: Floats, second: Floats) -> tuple[Cue, Floats]:
     shift[:2, 2] = np.median(b - a, axis=0)
     found: list[tuple[Cue, Floats]] = [("affine", shift)]
     for cue in ESTIMATED:
-        model = _estimate(cue, a, b)
+        model = estimated(cue, a, b)
         if model is not None:
             found.append((cue, model))
     return min(found, key=lambda entry: _gric(entry[0], entry[1], a, b))
 
 
-def _estimate(cue: Literal["homography", "fundamental"], first: Floats, second: Floats) -> Floats | None:
+def estimated(cue: Literal["homography", "fundamental"], first: Floats, second: Floats) -> Floats | None:
     """OpenCV's robust model; None where the points determine none."""
     cv2.setRNGSeed(0)
     how = cv2.USAC_MAGSAC

@@ -98,18 +98,26 @@ class World:
 
 
 def static_world(
-    shot: Shot, count: int, model: Model, tolerance: Tolerance, counts: NDArray[np.bool_]
+    shot: Shot,
+    count: int,
+    model: Model,
+    tolerance: Tolerance,
+    counts: NDArray[np.bool_],
+    obeys: NDArray[np.bool_],
 ) -> World:
     """The world, refitted with all that agrees with it by half or more; what joins it stays.
 
     Parameters
     ----------
     counts : (count,) false where evidence counts for nothing, as the pictures show no motion.
+    obeys : (count,) what is static by the geometry of the world: it costs the world nothing.
     """
-    static = np.arange(count) == 0
+    static = obeys | (np.arange(count) == 0)
     world = World(static, [])
     for _ in range(tolerance.rounds):
-        found = [e for p in shot() if (e := evidence_of(p, static, model, tolerance, counts)) is not None]
+        found = [
+            e for p in shot() if (e := evidence_of(p, static, model, tolerance, counts, obeys)) is not None
+        ]
         joined = static | ~(_mean_agreement(found, count) < 0.5)
         world = World(joined, found)
         if np.array_equal(joined, static):
@@ -143,7 +151,12 @@ def deviation(p: Pair) -> Floats:
 
 
 def evidence_of(
-    p: Pair, static: NDArray[np.bool_], model: Model, k: Tolerance, counts: NDArray[np.bool_]
+    p: Pair,
+    static: NDArray[np.bool_],
+    model: Model,
+    k: Tolerance,
+    counts: NDArray[np.bool_],
+    obeys: NDArray[np.bool_],
 ) -> Evidence | None:
     """The evidence of one pair against the objects ``static`` (N,); None where no world is seen.
 
@@ -165,7 +178,7 @@ def evidence_of(
     noise = np.minimum((own[0] + own) / 2, min(float(whole[0] / world[0, 0]), own[0]))
     square = np.where(left < LEAST_WORLD, 0.0, square) - chance(noise, pixels, model, k)
     excess = np.sqrt(np.maximum(square, 0.0))
-    excess[0] = 0.0
+    excess[(seen == 0) | obeys[p.ids[seen]]] = 0.0
     upper = k.floor + np.sqrt(k.most * deviation(p)[0])
     strongest = excess[int((pixels * excess**2).argmax())]
     tolerance = np.full_like(excess, max(k.floor, strongest * upper / (strongest + upper)))

@@ -104,6 +104,26 @@ class Affinity(Section):
         "image error of the static world's motion over that of the flow below which nothing visibly moves",
         ge=0,
     )
+    geometry: bool = setting(
+        True,
+        "whether what obeys the geometry of the static world and stands on it is static, however it moves in the picture",
+        "",
+        ("kernel", "merge"),
+    )
+    error: float = setting(
+        10.0,
+        "what obeys it strays from its epipolar lines at most this many times as far as the world itself",
+        "",
+        ("geometry", True),
+        gt=0,
+    )
+    parallax: float = setting(
+        3.0,
+        "what obeys it has at most this many times the parallax that nine tenths of the world stay below",
+        "",
+        ("geometry", True),
+        gt=0,
+    )
     share: float = setting(
         0.5, "part of the objects that each chooses (t / N)", "", ("kernel", "ordered"), gt=0, le=1
     )

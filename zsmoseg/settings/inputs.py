@@ -9,15 +9,18 @@ from typing import Any, Literal
 from zsmoseg.errors import SettingsError
 from zsmoseg.settings.section import Brought, Section, setting
 
-WHEN = r"^(\d{1,12}(\.\d{1,12})?s?|\d{1,12}f)?$"
-"""Seconds or a frame number."""
+WHEN = (
+    r"^(\d{1,12}(\.\d{1,12})?s?|(\d{1,4}:[0-5]?\d|\d{1,6}):[0-5]?\d(\.\d{1,12})?|\d{1,12}f)?$",
+    "seconds (12.5), a time (0:01, 1:02:03.5) or a frame number (300f)",
+)
+"""Seconds, hours, minutes and seconds, or a frame number: the pattern, and its words."""
 
 
 class Video(Section):
     """Which frames of the source are used."""
 
-    start: str = setting("", "first frame used: seconds (12.5) or a frame number (300f)", pattern=WHEN)
-    end: str = setting("", "end of what is used, exclusive: seconds or a frame number", pattern=WHEN)
+    start: str = setting("", f"first frame used: {WHEN[1]}", pattern=WHEN)
+    end: str = setting("", f"end of what is used, exclusive: {WHEN[1]}", pattern=WHEN)
     every: int = setting(1, "use every n-th frame", "frames", ge=1)
     fps: float = setting(
         25.0, "frame rate of folders of images, which carry no times", "1/s", ge=1e-3, le=1e6
@@ -28,15 +31,26 @@ class Video(Section):
     )
 
 
+SEEN = b"alpha, palette, noise: "
+"""How masks are read, before their content in keys: another way of reading the same file is another mask."""
+
+
 class Ignore(Section):
     """Pixels that count for nothing: a car bonnet, a time stamp."""
 
-    mask: str = setting("", "image whose non-zero pixels are kept out of every fit, table, border and mask")
+    mask: str = setting(
+        "",
+        "image of the shape of the frames; what is not black or transparent in it is kept out of every fit, table, border and mask",
+    )
 
     def active(self) -> dict[str, Any]:
         """The content of the mask counts, not its path."""
+        if self.mask and (path := Path(self.mask)).exists() and not path.is_file():
+            raise SettingsError(
+                f"{self.mask}: the ignore mask cannot be read (is no file); give a PNG to --ignore"
+            )
         try:
-            return {"mask": sha256(Path(self.mask).read_bytes()).hexdigest() if self.mask else ""}
+            return {"mask": sha256(SEEN + Path(self.mask).read_bytes()).hexdigest() if self.mask else ""}
         except OSError as error:
             raise SettingsError(f"{self.mask}: the ignore mask cannot be read ({error.strerror})") from error
 

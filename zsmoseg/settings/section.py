@@ -20,8 +20,9 @@ def setting(
     default: Any,
     meaning: str,
     unit: str = "",
-    when: tuple[str, ...] = (),
+    when: tuple[Any, ...] = (),
     tasks: tuple[str, ...] = (),
+    pattern: tuple[str | None, str] = (None, ""),
     **limits: Any,
 ) -> Any:
     """One setting.
@@ -32,9 +33,11 @@ def setting(
         ``(name, value, ...)``: it acts only while ``name`` of its section is such a value.
     tasks
         It names a model, of one of these tasks.
+    pattern
+        That a text must match, and what users are told instead.
     """
-    extra: dict[str, Any] = {"unit": unit, "when": list(when), "tasks": list(tasks)}
-    return Field(default, description=meaning, json_schema_extra=extra, **limits)
+    extra: dict[str, Any] = {"unit": unit, "when": list(when), "tasks": list(tasks), "words": pattern[1]}
+    return Field(default, description=meaning, json_schema_extra=extra, pattern=pattern[0], **limits)
 
 
 class Section(BaseModel):

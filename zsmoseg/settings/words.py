@@ -22,7 +22,7 @@ def describe(name: str) -> dict[str, Any]:
     info = model.model_fields[field]
     extra = model.extra(field)
     condition = (
-        f" (only with {section}.{extra['when'][0]} = {' or '.join(extra['when'][1:])})"
+        f" (only with {section}.{extra['when'][0]} = {' or '.join(str(v).lower() for v in extra['when'][1:])})"
         if extra["when"]
         else ""
     )
@@ -38,7 +38,7 @@ def describe(name: str) -> dict[str, Any]:
 def allowed(model: type[Section], field: str) -> str:
     """The allowed values of a field in words, from its JSON schema."""
     schema = model.model_json_schema()["properties"][field]
-    return " or ".join(_schema_words(part) for part in schema.get("anyOf", [schema]))
+    return schema["words"] or " or ".join(_schema_words(part) for part in schema.get("anyOf", [schema]))
 
 
 _KINDS = {
@@ -65,8 +65,6 @@ def _schema_words(schema: Mapping[str, Any]) -> str:
         )
         if word in schema
     ]
-    if "pattern" in schema:
-        limits.append(f"matching {schema['pattern']}")
     return " ".join([_KINDS.get(str(schema.get("type")), "a value"), " and ".join(limits)]).strip()
 
 

@@ -59,6 +59,10 @@ class Body:
     """Whether it goes on beyond its radius."""
     lobes: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Of the outline: depth over the radius, number, rad of the first."""
+    sides: tuple[float, float] | None = None
+    """Half width and height of a rectangle, in units of ``size``, 1 at most."""
+    part: bool = False
+    """Whether it is another side of the body before it."""
 
     def plane(self, lens: Floats, t: int) -> Floats:
         """(3, 3) px from plane coordinates in units of ``size``."""
@@ -88,18 +92,18 @@ def travel(rng: np.random.Generator, camera: Camera, frames: int) -> list[Pose]:
     return [(about(turn * (t - middle)), shift * (t - middle)) for t in range(frames)]
 
 
-def _fixed(world: list[Pose], turn: Floats, place: Floats) -> list[Pose]:
+def fixed(world: list[Pose], turn: Floats, place: Floats) -> list[Pose]:
     """Poses of what stands still in the world."""
     return [(r @ turn, r @ place + s) for r, s in world]
 
 
 def surroundings(rng: np.random.Generator, world: list[Pose]) -> list[Body]:
     """The wall and the ground."""
-    wall = _fixed(world, np.eye(3), np.array([0.0, 0.0, WALL]))
-    ground = _fixed(world, about([np.pi / 2, 0, 0]), np.array([0.0, GROUND, 8.0]))
+    wall = fixed(world, np.eye(3), np.array([0.0, 0.0, WALL]))
+    ground = fixed(world, about([np.pi / 2, 0, 0]), np.array([0.0, GROUND, 8.0]))
     return [
         Body(wall, 6.0, texture(rng, (105, 120, 95), 22), 0, endless=True),
-        Body(ground, 4.0, texture(rng, (85, 105, 125), 20), 0, endless=True),
+        Body(ground, 4.0, texture(rng, (85, 105, 125), 20), 0, endless=True, part=True),
     ]
 
 
@@ -109,7 +113,7 @@ def still_body(rng: np.random.Generator, world: list[Pose]) -> Body:
     place = np.array([rng.uniform(-0.45, 0.45) * z, rng.uniform(-0.2, 0.08) * z, z])
     size = rng.uniform(0.05, 0.09) * z
     colour = rng.uniform(70, 140, 3)
-    return Body(_fixed(world, about(rng.normal(0, 0.3, 3)), place), size, texture(rng, colour, 20), 0)
+    return Body(fixed(world, about(rng.normal(0, 0.3, 3)), place), size, texture(rng, colour, 20), 0)
 
 
 def moving_bodies(rng: np.random.Generator, world: list[Pose], paths: Paths | None) -> list[Body]:

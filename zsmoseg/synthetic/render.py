@@ -49,8 +49,7 @@ def draw(
     if not body.endless:
         safe = np.where(inside, q, 1)
         a, b = ((row[0] * x + row[1] * y + row[2]) / safe for row in to_plane[:2])
-        depth, count, phase = body.lobes
-        inside &= np.hypot(a, b) < 1 + depth * (np.cos(count * np.arctan2(b, a) + phase) - 1)
+        inside &= _within(body, a, b)
     half = len(body.texture) / 2
     texel = np.array([[1 / half, 0, -1], [0, 1 / half, -1], [0, 0, 1]])
     corner = np.array([[1, 0, -x0], [0, 1, -y0], [0, 0, 1.0]])
@@ -60,6 +59,14 @@ def draw(
     cv2.copyTo(image, mask, frame[y0:y1, x0:x1])
     labels[y0:y1, x0:x1][inside] = label
     inverse[y0:y1, x0:x1][inside] = q[inside]
+
+
+def _within(body: Body, a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Whether plane coordinates lie on a body."""
+    if body.sides is not None:
+        return np.asarray((np.abs(a) < body.sides[0]) & (np.abs(b) < body.sides[1]))
+    depth, count, phase = body.lobes
+    return np.asarray(np.hypot(a, b) < 1 + depth * (np.cos(count * np.arctan2(b, a) + phase) - 1))
 
 
 def _window(body: Body, plane: Floats, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
@@ -83,12 +90,13 @@ def exact_flow(
 
     Parameters
     ----------
+    bodies : by their number; sides of one move alike.
     label, inverse : (h, w) as ``draw`` leaves them.
     """
     y, x = np.mgrid[: label.shape[0], : label.shape[1]]
     ray = np.stack([x, y, np.ones_like(x)], -1) @ np.linalg.inv(lens).T
     flow = np.zeros((2, *label.shape))
-    for k, body in enumerate(bodies[1:]):
+    for k, body in enumerate(bodies):
         mine = label == k
         (turn, place), (next_turn, next_place) = body.poses[t : t + 2]
         point = ray[mine] / inverse[mine][:, None]

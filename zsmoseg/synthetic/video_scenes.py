@@ -18,6 +18,7 @@ from zsmoseg.synthetic.bodies import (
     uneven_paths,
 )
 from zsmoseg.synthetic.contrast import Played, contrast_of
+from zsmoseg.synthetic.near_things import near_things
 from zsmoseg.synthetic.render import draw, exact_flow, lens
 from zsmoseg.synthetic.scene import Camera, Scene
 
@@ -35,6 +36,7 @@ def video_scene(
     speed: float = 1.0,
     exact: bool = True,
     speeds: Sequence[float] = (),
+    n_near: int = 0,
 ) -> Scene:
     """A rendered shot: textured bodies before a wall and a ground, finite motions, exact truth.
 
@@ -53,11 +55,13 @@ def video_scene(
     speed : of the movers.
     exact : false leaves flow and contrast out (zeros).
     speeds : one for each mover in the place of ``n_movers`` and ``speed``, against what stands still at its depth.
+    n_near : static things near the camera that stand on the ground: poles, walls, boxes.
     """
     rng = np.random.default_rng(seed)
     world = travel(rng, camera, n_frames)
     aspect = shape[0] / shape[1]
     still = [*surroundings(rng, world), *[still_body(rng, world) for _ in range(n_objects)]]
+    still += near_things(rng, world, n_near)
     paths: Paths | None
     if speeds:
         paths = uneven_paths(rng, world, speeds, aspect)
@@ -67,19 +71,21 @@ def video_scene(
 
 
 def _rendered(bodies: list[Body], count: int, shape: tuple[int, int], camera: Camera, exact: bool) -> Scene:
-    """The scene of some bodies; the first two are the surroundings."""
+    """The scene of some bodies; the first is the background."""
+    whole = [body for body in bodies if not body.part]
+    number = np.cumsum([not body.part for body in bodies]) - 1
     glass, (height, width) = lens(shape), shape
     frames = np.zeros((count, height, width, 3), np.uint8)
     labels = np.zeros((count, height, width), np.uint16)
     inverse = np.zeros((count, height, width), np.float32)
     flow = np.zeros((count - 1, 2, height, width), np.float32)
     for t in range(count):
-        for k, body in enumerate(bodies):
-            draw(body, glass, t, max(k - 1, 0), frames[t], labels[t], inverse[t])
+        for k, body in zip(number.tolist(), bodies, strict=True):
+            draw(body, glass, t, k, frames[t], labels[t], inverse[t])
         frames[t] = cv2.GaussianBlur(frames[t], (0, 0), SOFT)
         if exact and t + 1 < count:
-            flow[t] = exact_flow(bodies, glass, t, labels[t], inverse[t])
-    group = np.array([0, *(body.group for body in bodies[2:])], np.int64)
+            flow[t] = exact_flow(whole, glass, t, labels[t], inverse[t])
+    group = np.array([body.group for body in whole], np.int64)
     moving = np.tile(group > 0, (count - 1, 1))
     contrast = np.zeros(len(group))
     if exact:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import dropwhile
 from pathlib import Path
 from typing import Any
@@ -199,15 +200,17 @@ def _decoded(packets: Iterable[Any], sure: int) -> Iterator[Any]:
 
 
 def decoder(path: str, way: Way) -> Decoder:
-    """The decoder of a file that this process used last: chunks in order go on without a seek."""
+    """The decoder of a file that this thread used last: chunks in order go on without a seek."""
     try:
         stat = os.stat(places.here(path))
     except OSError as error:
         raise VideoError(f"{path}: cannot be opened ({error.strerror})") from error
-    return _kept(path, way, (stat.st_size, stat.st_mtime_ns, stat.st_ino))
+    which = path, way, (stat.st_size, stat.st_mtime_ns, stat.st_ino)  # another file may take its place
+    if getattr(_KEPT, "which", None) != which:
+        _KEPT.which, _KEPT.decoder = which, Decoder(path, way)
+    found: Decoder = _KEPT.decoder
+    return found
 
 
-@lru_cache(maxsize=1)
-def _kept(path: str, way: Way, stamp: tuple[int, ...]) -> Decoder:
-    """One decoder a process; ``stamp`` tells a file from another that took its place."""
-    return Decoder(path, way)
+_KEPT = threading.local()
+"""One decoder a thread: none may be asked by two."""

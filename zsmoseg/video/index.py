@@ -56,7 +56,7 @@ class Heard:
     base: Fraction
     """Seconds, the unit of time."""
     rate: Fraction | None
-    """1/s."""
+    """1/s, by the stream itself before what is made of times."""
     duration: float
     """Seconds of the picture; 0 where nothing is said."""
     format: str
@@ -128,7 +128,7 @@ def _listen(path: str, container: Any) -> Heard:
         Way(stream.index),
         packets[stream.index],
         stream.time_base or Fraction(1, 1000),
-        stream.average_rate or stream.guessed_rate,
+        context.framerate or stream.guessed_rate,
         _duration(container, stream),
         container.format.name,
         bool(container.format.flags & BROADCAST),

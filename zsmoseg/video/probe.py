@@ -8,6 +8,7 @@ import unicodedata
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import reduce
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ class Excerpt:
     """Which frames of a source are used."""
 
     start: str
-    """First frame: seconds (``12.5``) or a number (``300f``); empty: the first there is."""
+    """First frame: seconds (``12.5``, ``1:02:03.5``) or a number (``300f``); empty: the first there is."""
     end: str
     """End, exclusive, as ``start``; empty: the last there is."""
     every: int
@@ -210,7 +211,8 @@ def _used(times: Sequence[float], source: str, excerpt: Excerpt) -> range:
 
 
 def _frame_at(text: str, times: Sequence[float]) -> int:
-    """The frame that ``300f`` or ``12.5`` means: the first at or after that time."""
+    """The frame that ``300f``, ``12.5`` or ``1:02:03.5`` means: the first at or after that time."""
     if text.endswith("f"):
         return int(text[:-1])
-    return int(np.searchsorted(times, float(text.removesuffix("s")) - EARLY))
+    parts = map(float, text.removesuffix("s").split(":"))
+    return int(np.searchsorted(times, reduce(lambda whole, part: 60 * whole + part, parts) - EARLY))

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.grouping.affinity import Kernel, Views, shot_affinity
+from zsmoseg.grouping.affinity import Kernel, ShotAffinity, Views, shot_affinity
+from zsmoseg.grouping.geometry import VERDICTS, Geometry, Limits, geometry_of
 from zsmoseg.grouping.world import Pair
 from zsmoseg.motion.models import MODELS, Floats
 from zsmoseg.motion.residuals import PairResiduals
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.workflows.stage import ALL, Part, Stage, reach
+from zsmoseg.workflows.stage import ALL, Part, Stage, ignored, reach, working_size
+from zsmoseg.workflows.stages.cues.flow import Flow
 from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, local_ids
 from zsmoseg.workflows.stages.motion.epipolar import Epipolar, each_view_pair
 from zsmoseg.workflows.stages.motion.residuals import Residuals
 from zsmoseg.workflows.stages.motion.statistics import Statistics
+from zsmoseg.workflows.stages.motion.tracked import tracked
 from zsmoseg.workflows.stages.windows import all_windows
 
 UNCHANGED = 1e-9
@@ -79,17 +83,52 @@ class Affinity(Arrays):
         fill=0,
     )
 
-    def visibilities(self, count: int) -> Floats:
-        """(count,) the visibility of the objects by their number; NaN where no window has one."""
-        out = np.full(count, np.nan)
-        out[self.object] = self.visibility
-        return out
+    verdict: NDArray[np.int8] = table(
+        "object",
+        dtype="int8",
+        meaning="whether it obeys the geometry of the static world and stands on it: "
+        + ", ".join(f"{number} = {text}" for number, text in enumerate(VERDICTS)),
+    )
+    counts: NDArray[np.bool_] = table(
+        "object", dtype="bool", meaning="whether its evidence counts beside what obeys that geometry"
+    )
+    front: Floats = table(
+        "object",
+        dtype="float64",
+        meaning="part of the world that is in front of the camera, by that geometry",
+    )
+    error: Floats = table(
+        "object",
+        dtype="float64",
+        meaning="distance from the epipolar lines of the world, over the world's own",
+    )
+    parallax: Floats = table(
+        "object", dtype="float64", meaning="parallax, over what nine tenths of the world stay below"
+    )
+    foot: Floats = table(
+        "object",
+        dtype="float64",
+        meaning="part of the looks in which its foot is as near as the world below it",
+    )
+
+    def evidence(self, count: int) -> dict[str, NDArray[Any]]:
+        """By name the evidence (count,) for all objects by their number; NaN, or 0, where no window has one.
+
+        ``geometry`` is the verdict in words.
+        """
+        out = {}
+        for name in ("visibility", "verdict", "counts", "front", "error", "parallax", "foot"):
+            values = getattr(self, name)
+            out[name] = np.full(count, np.nan if values.dtype.kind == "f" else 0, values.dtype)
+            out[name][self.object] = values
+        return {**out, "geometry": np.array(VERDICTS)[out.pop("verdict")]}
 
 
 @dataclass(frozen=True)
 class Inputs:
     """What is read."""
 
+    flow: Flow = reach(ALL)
     statistics: Statistics = reach(ALL)
     residuals: Residuals = reach(ALL)
     labels: Labels = reach(ALL)
@@ -107,6 +146,8 @@ class InputsWithEpipolar(Inputs):
 class Sections:
     """The settings that are read."""
 
+    frames: settings.Frames
+    ignore: settings.Ignore
     motion: settings.Motion
     affinity: settings.Affinity
 
@@ -118,25 +159,37 @@ def cues(s: Sections) -> Mapping[str, Sequence[str]]:
 
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Affinity]:
     """The affinity of every window of every shot."""
-    model, kernel = MODELS[s.motion.model], s.affinity.parameters(Kernel)
+    grid = working_size(part.probe, s.frames.width)
+    ignore = ignored(s.ignore, *grid)
     for window in all_windows(inputs.objects, inputs.labels):
-        size = window.stop - window.start - 1, len(window.objects)
-        visibility = read_visibility(inputs.statistics, window)
-        found = shot_affinity(_pairs(inputs, window), size, model, kernel, visibility, _views(inputs, window))
-        yield Affinity(
-            start=window.start,
-            stop=window.stop,
-            object=window.objects,
-            affinity=found.affinity,
-            agreement=found.agreement,
-            together=found.together,
-            pairs=found.pairs,
-            static=found.static,
-            visibility=visibility,
-            excess=found.excess,
-            tolerance=found.tolerance,
-            weight=found.weight,
-        )
+        yield of_window(inputs, window, s, grid, ignore)
+
+
+def of_window(
+    inputs: Inputs, window: Shot, s: Sections, grid: tuple[int, int], ignore: NDArray[np.bool_] | None
+) -> Affinity:
+    """The affinity of one window; where something would move, what obeys the geometry of the world joins the world."""
+    model, kernel = MODELS[s.motion.model], s.affinity.parameters(Kernel)
+    size = window.stop - window.start - 1, len(window.objects)
+    visibility = read_visibility(inputs.statistics, window)
+
+    def affinity(geometry: Geometry | None) -> ShotAffinity:
+        pairs, views = _pairs(inputs, window), _views(inputs, window)
+        return shot_affinity(pairs, size, model, kernel, visibility, views, geometry)
+
+    found, geometry = affinity(None), Geometry.unasked(size[1])
+    if s.affinity.acts("geometry") and s.affinity.geometry and not found.static.all():
+        looks = tracked(inputs.flow, inputs.labels, window, grid, ignore)
+        geometry = geometry_of(looks, ~found.static, grid, s.affinity.parameters(Limits))
+        found = affinity(geometry)
+    return _left(window, found, geometry, visibility)
+
+
+def _left(window: Shot, found: ShotAffinity, geometry: Geometry, visibility: Floats) -> Affinity:
+    """What is left of a window."""
+    front = np.full(len(window.objects), geometry.front)
+    tables = {**vars(found), **vars(geometry), "front": front, "visibility": visibility}
+    return Affinity(start=window.start, stop=window.stop, object=window.objects, **tables)
 
 
 def _pairs(inputs: Inputs, shot: Shot) -> Callable[[], Iterator[Pair]]:
@@ -180,8 +233,8 @@ def read_visibility(statistics: Statistics, shot: Shot) -> Floats:
     return np.asarray(total[:, 0] / np.maximum(total[:, 1], UNCHANGED))
 
 
-STAGE = Stage("affinity", 6, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1))
+STAGE = Stage("affinity", 8, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1))
 WITH_EPIPOLAR = Stage(
-    "affinity", 6, task, InputsWithEpipolar, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1)
+    "affinity", 8, task, InputsWithEpipolar, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1)
 )
 """The same where ``affinity.cues`` asks for more than flow."""
