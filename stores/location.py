@@ -147,7 +147,7 @@ class Store:
             ) from error
 
     def unmake(self, run: str) -> None:
-        """Remove a store that ``run`` made and began nothing in; what another run has there stays."""
+        """Remove a store in which nothing but the refused ``run`` was; what another run has there stays."""
         others = [path for path in files.matching(self.runs, "*.json") if path.stem != run]
         if not others and not self.videos():
             files.remove(self.path)

@@ -18,6 +18,7 @@ from typing import Any
 import av
 import cv2
 import dask
+import distributed  # noqa: F401  # its defaults are there before a test changes one
 import numpy as np
 import pytest
 from clusters import Cluster, certificate, cluster, job, kill, pretend, until

@@ -294,7 +294,7 @@ def test_a_worker_with_other_code_under_the_same_version_is_named(
     package = tmp_path / "zsmoseg"
     package.mkdir()
     (package / "__init__.py").write_text("changed = True\n")
-    monkeypatch.setattr(workers.zsmoseg, "__file__", str(package / "__init__.py"))
+    monkeypatch.setattr(workers.zsmoseg, "__path__", [str(package)])
     workers.code.cache_clear()
     try:
         assert "has other code" in (workers.look(needs) or "")

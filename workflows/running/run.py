@@ -67,12 +67,12 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
         place, _ = files.folder(request.store), files.folder(request.out)
         with one_look():
             found = found_in(request)
-        report, new = Report(), not files.exists(place)
+        report = Report()
         store = Store.open(place, create=True)
         try:
             return _run(request, store, found, report, watcher)
         except ZsmosegError:
-            if new and not report.started:
+            if not report.started:
                 store.unmake(report.run)
             raise
 

@@ -29,6 +29,9 @@ from zsmoseg.motion.residuals import PairResiduals
 
 LEAST_WORLD = 100
 """Pixels below which the static world says nothing."""
+LIMBS = 0.8
+"""Part of what an object's own motion leaves, or of what the world's leaves if that is less, by which it is tolerated more: with
+more, limbs hide a slow mover; with less, waves move (table in docs/affinity.md)."""
 
 
 @dataclass(frozen=True)
@@ -179,9 +182,10 @@ def evidence_of(
     square = np.where(left < LEAST_WORLD, 0.0, square) - chance(noise, pixels, model, k)
     excess = np.sqrt(np.maximum(square, 0.0))
     excess[(seen == 0) | obeys[p.ids[seen]]] = 0.0
-    upper = k.floor + np.sqrt(k.most * deviation(p)[0])
+    strays = deviation(p)
+    upper = k.floor + np.sqrt(k.most * (strays[0] + LIMBS * np.minimum(strays, strays[0])))
     strongest = excess[int((pixels * excess**2).argmax())]
-    tolerance = np.full_like(excess, max(k.floor, strongest * upper / (strongest + upper)))
+    tolerance = np.maximum(k.floor, strongest * upper / (strongest + upper))
     weight = np.where(counts[p.ids[seen]], np.sqrt(pixels), 0.0)
     return Evidence(p.pair, p.ids[seen], excess, tolerance, weight)
 

@@ -91,7 +91,7 @@ class Affinity(Section):
     floor: float = setting(0.12, "cost that is never motion: precision of the flow", "px", gt=0)
     most: float = setting(
         15.0,
-        "what costs the world more than this many times the mean square that its own motion leaves moves for sure",
+        "what costs the world more than this many times the mean square that its motion leaves (that of the object counts up to it) moves for sure",
         gt=0,
     )
     pair: float = setting(

@@ -233,8 +233,8 @@ def read_visibility(statistics: Statistics, shot: Shot) -> Floats:
     return np.asarray(total[:, 0] / np.maximum(total[:, 1], UNCHANGED))
 
 
-STAGE = Stage("affinity", 8, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1))
+STAGE = Stage("affinity", 9, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1))
 WITH_EPIPOLAR = Stage(
-    "affinity", 8, task, InputsWithEpipolar, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1)
+    "affinity", 9, task, InputsWithEpipolar, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1)
 )
 """The same where ``affinity.cues`` asks for more than flow."""
