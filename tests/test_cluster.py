@@ -133,12 +133,12 @@ def test_a_cluster_behind_tls_takes_who_has_a_certificate_and_nobody_else(
     paths = [str(path) for path in certificate(tmp_path)]
     names = ["--tls-ca-file", "--tls-cert", "--tls-key"]
     words = [word for pair in zip(names, [paths[0], *paths], strict=True) for word in pair]
-    mine = {"ca-file": paths[0], "client": {"cert": paths[0], "key": paths[1]}}
+    mine = dict(zip(("ca-file", "client.cert", "client.key"), [paths[0], *paths], strict=True))
     run_it = ["run", str(clip), "-o", str(tmp_path / "out"), "--set", "chunk.length=4", "--scheduler"]
     with cluster(tmp_path / "tls", 1, "--protocol", "tls", *words) as made:
         address = json.loads(made.file.read_text())["address"]
         assert address.startswith("tls://")
-        with dask.config.set({"distributed.comm.tls": mine}):
+        with dask.config.set({f"distributed.comm.tls.{name}": path for name, path in mine.items()}):
             assert main([*run_it, str(made.file)]) == 0
         np.testing.assert_array_equal(masks(tmp_path / "out" / "disc"), expected)
         capsys.readouterr()

@@ -70,7 +70,9 @@ def _shown(path: str) -> Bools:
     """Where a mask shows something: what is not transparent, and of that what is not black, if some is black and some not."""
     try:
         image = None if places.special(path) else pixels(path)
-    except VideoError:
+    except VideoError as error:
+        if isinstance(cause := error.__cause__, OSError) and cause.strerror:
+            raise SettingsError(f"{path}: the ignore mask cannot be read ({cause.strerror})") from error
         image = None
     if image is None:
         raise SettingsError(f"{path}: the ignore mask cannot be read as an image; give a PNG to --ignore")
