@@ -27,6 +27,8 @@ EVERY = 8.0
 """Seconds after which plain lines say how far a run is."""
 TICK = 1.0
 """Seconds from one look at the clock to the next."""
+LEAVING = 1.0
+"""Seconds that the last line is waited for."""
 
 
 class Tally:
@@ -65,7 +67,7 @@ class Lines:
         self.course = Course(Rates.load())
         self.begun = self._told = time.monotonic()
         self._notes: set[str] = set()
-        self._over = Event()
+        self._over, self._teller = Event(), Thread(target=self.keep_telling, daemon=True)
 
     def say(self, line: str = "") -> None:
         """Print one line."""
@@ -136,13 +138,14 @@ class Lines:
         self.say(text)
 
     def __enter__(self) -> Self:
-        Thread(target=self.keep_telling, daemon=True).start()
+        self._teller.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._over.set()
+        self._teller.join(LEAVING)  # no longer: a pipe that nobody reads would hold it
         if kind is None and self.tally.seconds:
             for line in tally_lines(self.tally, time.monotonic() - self.begun):
                 self.say(line)

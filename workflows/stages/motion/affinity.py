@@ -17,13 +17,13 @@ from zsmoseg.motion.models import MODELS, Floats
 from zsmoseg.motion.residuals import PairResiduals
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
-from zsmoseg.workflows.stage import ALL, Part, Stage, ignored, reach, working_size
+from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, ignored, reach, working_size
 from zsmoseg.workflows.stages.cues.flow import Flow
 from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, local_ids
 from zsmoseg.workflows.stages.motion.epipolar import Epipolar, each_view_pair
 from zsmoseg.workflows.stages.motion.residuals import Residuals
 from zsmoseg.workflows.stages.motion.statistics import Statistics
-from zsmoseg.workflows.stages.motion.tracked import tracked
+from zsmoseg.workflows.stages.motion.tracked import READ, tracked
 from zsmoseg.workflows.stages.windows import all_windows
 
 UNCHANGED = 1e-9
@@ -233,8 +233,21 @@ def read_visibility(statistics: Statistics, shot: Shot) -> Floats:
     return np.asarray(total[:, 0] / np.maximum(total[:, 1], UNCHANGED))
 
 
-STAGE = Stage("affinity", 9, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1))
+MEMORY: Memory[Sections] = Memory(working=65, frames=lambda s: READ)
+"""Where something would move: the flow that tracks are followed along."""
+STAGE = Stage(
+    "affinity", 9, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(6.2, 0.1), memory=MEMORY
+)
 WITH_EPIPOLAR = Stage(
-    "affinity", 9, task, InputsWithEpipolar, Sections, Affinity, "video", labels=cues, cost=(0.5, 0.1)
+    "affinity",
+    9,
+    task,
+    InputsWithEpipolar,
+    Sections,
+    Affinity,
+    "video",
+    labels=cues,
+    cost=(6.2, 0.1),
+    memory=MEMORY,
 )
 """The same where ``affinity.cues`` asks for more than flow."""
