@@ -145,7 +145,8 @@ class Lines:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._over.set()
-        self._teller.join(LEAVING)  # no longer: a pipe that nobody reads would hold it
+        if self._teller.is_alive():
+            self._teller.join(LEAVING)  # no longer: a pipe that nobody reads would hold it
         if kind is None and self.tally.seconds:
             for line in tally_lines(self.tally, time.monotonic() - self.begun):
                 self.say(line)
