@@ -12,7 +12,7 @@ import numpy as np
 from zsmoseg.networks.contract import load_contract
 from zsmoseg.networks.session import Network
 
-SHARED = Path(os.environ.get("ZSMOSEG_SHARED", "/work/shared/data"))
+SHARED = Path(os.environ.get("ZSMOSEG_SHARED", Path(__file__).parents[3] / "shared" / "data"))
 SIZES = ((480, 854), (270, 481))
 """Height and width: as DAVIS has it, and a frame with an odd side."""
 
