@@ -16,7 +16,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Any
 
@@ -86,6 +86,8 @@ class Store:
     """A store in the folder ``path``; ``open`` checks it, the bare constructor does not."""
 
     path: PurePath
+    new: bool = False
+    """Whether ``open`` made its folder."""
 
     @classmethod
     def open(cls, path: str | PurePath, create: bool) -> Store:
@@ -105,11 +107,12 @@ class Store:
         marked = store._check_mark()
         if not marked and not store._looks_like_one():
             raise StoreError(f"{path}: is not a store: it holds other things; give another folder (--store)")
-        if not files.is_folder(store.path) and not create:
+        there = files.is_folder(store.path)
+        if not there and not create:
             raise StoreError(f"{path}: there is no store; zsmoseg run makes one, --store names another")
         if create:
             store._make(marked)
-        return store
+        return replace(store, new=not there)
 
     def _check_mark(self) -> bool:
         """Whether the mark is there and whole."""
@@ -137,7 +140,7 @@ class Store:
     def _make(self, marked: bool) -> None:
         try:
             if not marked:
-                write_json(self.path / MARK, {"format": FORMAT})
+                self.mark()
             for folder in (self.path, self.runs, files.below(self.path, "fingerprints")):
                 for leftover in files.leftovers(folder, everywhere=False):
                     files.remove(leftover)
@@ -147,10 +150,16 @@ class Store:
             ) from error
 
     def unmake(self, run: str) -> None:
-        """Remove a store in which nothing but the refused ``run`` was; what another run has there stays."""
+        """Remove a store that was made for the refused ``run`` alone; it stays as soon as anything else is in it."""
+        inside = {path.name for path in files.inside(self.path)}
         others = [path for path in files.matching(self.runs, "*.json") if path.stem != run]
-        if not others and not self.videos():
+        if self.new and not others and inside <= {MARK, self.runs.name, "fingerprints"}:
             files.remove(self.path)
+
+    def mark(self) -> None:
+        """Say again that it is a store: a run that was refused may have unmade it before this one had anything in it."""
+        if not self._check_mark():
+            write_json(self.path / MARK, {"format": FORMAT})
 
     @property
     def runs(self) -> PurePath:

@@ -416,6 +416,13 @@ def test_a_run_that_is_refused_leaves_no_store_and_takes_none_away(
     arguments = ["run", str(done / "disc"), "-o", str(tmp_path / "out"), *QUICK, *REFUSED[why]]
     refused(arguments, capsys)
     assert not (tmp_path / "zsmoseg-store").exists()
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    refused([*arguments, "--store", str(mine)], capsys)
+    assert mine.exists(), "it was there before"
+    (mine / "notes.txt").write_text("dear")
+    refused([*arguments, "--store", str(mine)], capsys)
+    assert (mine / "notes.txt").read_text() == "dear"
     before = set(everything(done / "zsmoseg-store"))
     refused([*arguments, "--store", str(done / "zsmoseg-store")], capsys)
     assert before <= set(everything(done / "zsmoseg-store"))

@@ -187,6 +187,7 @@ class Batch:
         """Note the run once a video of it can be planned, and what became of those before."""
         if self.record is None:
             self.record = RunRecord.begin(self.store, self.request.settings.flat(), self.report.names)
+            self.store.mark()
             self.report.run = self.record.id
         self._tell()
 
