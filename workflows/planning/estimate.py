@@ -13,7 +13,7 @@ from zsmoseg.networks.references import contract_at
 from zsmoseg.stores import files
 from zsmoseg.workflows.planning.compiled import EACH
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
-from zsmoseg.workflows.planning.rates import Rates, Use, work
+from zsmoseg.workflows.planning.rates import Rate, Rates, Use, work
 from zsmoseg.workflows.stage import working_size
 from zsmoseg.workflows.wording import counted, duration, megabytes
 
@@ -107,7 +107,7 @@ def estimate(plans: Sequence[VideoPlan], rates: Rates) -> Estimate:
             if not stage.todo:
                 continue
             rate, frames = rates.of(stage), work(plan, stage, stage.frames_todo)
-            longest = max(part_seconds(plan, stage, part, rates) for part in stage.todo)
+            longest = max(part_seconds(plan, stage, part, rate) for part in stage.todo)
             chain += rate.wall * frames if stage.stage.follows else longest
             guess += Estimate(
                 rate.processor * frames,
@@ -120,10 +120,10 @@ def estimate(plans: Sequence[VideoPlan], rates: Rates) -> Estimate:
     return guess + Estimate(memory=worker_memory(plans))
 
 
-def part_seconds(plan: VideoPlan, stage: StagePlan, part: int, rates: Rates) -> float:
-    """What one part takes by the clock."""
+def part_seconds(plan: VideoPlan, stage: StagePlan, part: int, rate: Rate) -> float:
+    """What one part takes by the clock, at the rate of its stage."""
     start, stop = stage.parts[part]
-    return rates.of(stage).wall * work(plan, stage, stop - start)
+    return rate.wall * work(plan, stage, stop - start)
 
 
 def refuse_full_disk(store: PurePath, guess: Estimate) -> None:

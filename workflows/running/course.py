@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 from zsmoseg.workflows.planning.estimate import Estimate, part_seconds
-from zsmoseg.workflows.planning.plan import VideoPlan
+from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
 from zsmoseg.workflows.planning.rates import Rates
-from zsmoseg.workflows.wording import duration
+from zsmoseg.workflows.wording import counted, duration
 
 LEAST = 1e-6
 """Seconds of a part at least: every part counts."""
@@ -28,9 +29,7 @@ class Course:
         """One more video was planned."""
         self.planned += 1
         self.videos = max(self.videos, self.planned)
-        seconds = sum(
-            self._of(plan, name, part) for name, stage in plan.stages.items() for part in stage.todo
-        )
+        seconds = sum(sum(self._of(plan, stage, stage.todo)) for stage in plan.stages.values() if stage.todo)
         self._whole[plan.name] = seconds, len(plan.probe.times)
         self.frames += len(plan.probe.times)
         self._seconds += seconds
@@ -41,7 +40,7 @@ class Course:
 
     def part(self, plan: VideoPlan, stage: str, part: int) -> None:
         """A part is through, whatever became of it."""
-        seconds = self._of(plan, stage, part)
+        (seconds,) = self._of(plan, plan.stages[stage], [part])
         whole, frames = self._whole[plan.name]
         self._done += seconds
         self._through += frames * seconds / max(whole, seconds)
@@ -58,8 +57,9 @@ class Course:
         self._unplanned += self._whole.pop(name, None) is None
         self.videos = max(self.videos, self.planned + self._unplanned)
 
-    def _of(self, plan: VideoPlan, stage: str, part: int) -> float:
-        return max(part_seconds(plan, plan.stages[stage], part, self._rates), LEAST)
+    def _of(self, plan: VideoPlan, stage: StagePlan, parts: Sequence[int]) -> list[float]:
+        rate = self._rates.of(stage)
+        return [max(part_seconds(plan, stage, part, rate), LEAST) for part in parts]
 
     @property
     def share(self) -> float:
@@ -78,7 +78,7 @@ class Course:
         coming = max(self.videos - self.planned - self._unplanned, 0)
         about = "about " if coming else ""
         frames = self.frames + round(coming * self.frames / max(self.planned, 1))
-        videos = f"{self.finished} of {self.videos} video{'' if self.videos == 1 else 's'}"
+        videos = f"{self.finished} of {counted(self.videos, 'video')}"
         text = f"{videos}{failed}, {int(self._through + LEAST)} of {about}{frames} frames"
         return text if self.left is None else f"{text}, about {duration(self.left)} left"
 

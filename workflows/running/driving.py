@@ -147,6 +147,7 @@ def jobs(
     networks = request.settings.networks.model_dump(mode="json")
     networks["threads"] = networks["threads"] or threads
     for place, (name, stage) in enumerate(plan.stages.items()):
+        rate = rates.of(stage)
         for part in stage.todo:
             start, stop = stage.parts[part]
             job = Job(
@@ -167,7 +168,7 @@ def jobs(
                 promised(plan, stage, request.settings.video.fingerprint),
                 stage.packed,
                 request.steal,
-                deadline(part_seconds(plan, stage, part, rates)),
+                deadline(part_seconds(plan, stage, part, rate)),
             )
             named[name, part] = job.name
             before = [named[b] for b in plan.before(stage, part) if b in named]
