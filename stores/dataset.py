@@ -33,8 +33,7 @@ def open_dataset(artifact: Artifact) -> xr.Dataset:
     place = files.zip_store(artifact.archive) if artifact.packed else files.zarr_store(artifact.path)
     try:
         found: xr.Dataset = xr.open_zarr(place, chunks=None)
-    except (
-        Exception
-    ) as error:  # coordinates are read at once, and Zarr, its codecs and zipfile raise their own
+    # coordinates are read at once, and Zarr, its codecs and zipfile raise their own
+    except Exception as error:
         raise StoreError(f"{artifact.path}: cannot be opened ({error}); {AGAIN}") from error
     return found
