@@ -33,7 +33,7 @@ of one another grows with the cube of its length. Stages read blocks and need no
 def seal_once(artifact: Artifact, kind: type[Arrays], times: Sequence[float], names: Sequence[str]) -> None:
     """As ``seal``, by whoever comes first; nothing where it was sealed already."""
     if joined_problem(artifact):
-        with lease(artifact.lease_path("seal")):
+        with lease(artifact.lease_path("seal")), files.glancing_at(artifact.path.parent):
             if joined_problem(artifact):
                 seal(artifact, kind, times, names)
 

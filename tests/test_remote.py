@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections import Counter as Tally
 from collections.abc import Iterator
 from datetime import timedelta
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -409,6 +410,38 @@ def test_the_commands_answer_from_a_bucket(
     result = open_store(STORE)["clip"]
     assert result.tree["flow/forward"].shape[0] == len(FRAMES) - 1
     assert result.masks("group").values.shape == FRAMES.shape[:3]
+
+
+@needs_moto
+def test_a_first_run_asks_a_task_for_a_listing_not_for_file_after_file(finished: Report, s3: Proxy) -> None:
+    s3.requests.clear()
+    report, counter = remote_run(f"{STORE}2", f"{OUT}2")
+    assert not report.failures
+    parts, listings = len(counter.parts), s3.counted("GET", "list-type")
+    assert len(s3.counted("HEAD")) < 2 * parts
+    assert len(listings) < 6 * parts
+    reads = [path for path in s3.counted("GET", "store2/clip-") if path not in listings]
+    assert max(Tally(reads).values()) <= 4, "no file is read again for each of its tables"
+    assert len(s3.requests) - len(s3.counted("PUT")) < 20 * parts
+
+
+@needs_moto
+def test_a_folder_of_more_than_one_listing_is_asked_file_by_file_once(
+    s3: Proxy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    many = place(f"{STORE}3")
+    for i in range(3):
+        files.write(many / f"{i}.txt", b"x")
+    monkeypatch.setattr(bucket, "BATCH", 2)
+    s3.requests.clear()
+    with files.glancing_at(many):
+        for _ in range(3):
+            assert files.stamp(many / "0.txt")
+            assert files.stamp(many / "9.txt") is None
+        files.write(many / "9.txt", b"xy")
+        assert files.size(many / "9.txt") == 2
+    assert len(s3.counted("HEAD")) == 2
+    assert len(s3.counted("GET", "list-type")) == 1
 
 
 @needs_moto

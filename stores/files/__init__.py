@@ -87,6 +87,17 @@ def looking_at(*folders: PurePath) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def glancing_at(path: PurePath) -> Iterator[None]:
+    """As ``looking_at``, for a task that needs little of what may be much: where one request does not list all of a folder,
+    this thread asks file by file, for each once.
+    """
+    with one_look():
+        if isinstance(path, URL):
+            remote.glance(path)
+        yield
+
+
 def is_remote(path: PurePath) -> bool:
     """Whether each question is a request to a server."""
     return isinstance(path, URL)

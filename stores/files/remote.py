@@ -54,6 +54,10 @@ def listing(path: PurePath) -> Mapping[str, Stat]:
     return bucket.listing(_url(path))
 
 
+def glance(path: URL) -> None:
+    bucket.glance(path)
+
+
 def inside(path: PurePath) -> list[tuple[str, bool]]:
     return bucket.inside(_url(path))
 

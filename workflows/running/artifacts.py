@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from zsmoseg.settings import Settings
+from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.beginning import begin
 from zsmoseg.stores.checks import part_problem
@@ -38,12 +39,12 @@ def prepare(store: Store, plan: VideoPlan) -> None:
 
 def _begin(stage: StagePlan, artifact: Artifact, plan: VideoPlan) -> None:
     content = first_record(stage.stage, stage.description, plan.fingerprint, plan.probe, stage.parts)
-    with lease(artifact.lease_path("begin")):
+    with lease(artifact.lease_path("begin")), files.glancing_at(artifact.path.parent):
         begin(artifact, content)
-    if artifact.parts != stage.parts:
-        # another run began it meanwhile, in chunks of another length
-        stage.parts = artifact.parts
-        stage.todo = [i for i in range(len(stage.parts)) if part_problem(artifact, i)]
+        if artifact.parts != stage.parts:
+            # another run began it meanwhile, in chunks of another length
+            stage.parts = artifact.parts
+            stage.todo = [i for i in range(len(stage.parts)) if part_problem(artifact, i)]
 
 
 def seal_video(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:

@@ -84,8 +84,11 @@ def run_job(job: Job, *before: Outcome) -> Outcome:
     """Run one part unless its record says that it is done; never raises on what a task can do wrong."""
     if any(outcome.state != "done" for outcome in before):
         return Outcome("skipped")
+    from zsmoseg.stores.files import folder, glancing_at
+    from zsmoseg.stores.location import Store
+
     try:
-        with one_thread():
+        with one_thread(), glancing_at(Store(folder(job.store)).video(job.video).path):
             return _run(job)
     except ZsmosegError as error:
         return Outcome("failed", error=str(error), stops=stops_all(error))
@@ -162,6 +165,7 @@ def _keep(
     """Write what a task leaves, unless somebody else finished it while this run waited, or just before."""
     from zsmoseg.stores.artifact import part_name
     from zsmoseg.stores.checks import part_problem
+    from zsmoseg.stores.files import glancing_at, no_look
     from zsmoseg.stores.leases import lease
     from zsmoseg.stores.sealing import seal_once
     from zsmoseg.stores.writer import PartWriter, write_archive
@@ -169,24 +173,27 @@ def _keep(
 
     path = artifact.lease_path(part_name(job.part))
     with lease(path, lambda: not part_problem(artifact, job.part), steal=job.steal) as ours:
-        if not ours or not part_problem(artifact, job.part):
-            return
-        if job.packed:
-            about = description(stage, job.key, job.settings, job.inputs)
-            whole = [(0, part.frames)]
-            laid_out = first_record(stage, about, job.promise["source"], part.probe, whole)
-            times, names = part.probe.times, part.probe.names
-            write_archive(artifact, laid_out, left, stage.leaves, times, names, facts)
-            return
-        with PartWriter(artifact, job.part) as writer:
-            for block in left:
-                writer.put(block)
-            writer.facts = facts()
+        # what others have done until the lease was ours
+        with glancing_at(artifact.path.parent.parent):
+            if not ours or not part_problem(artifact, job.part):
+                return
+            if job.packed:
+                about = description(stage, job.key, job.settings, job.inputs)
+                whole = [(0, part.frames)]
+                laid_out = first_record(stage, about, job.promise["source"], part.probe, whole)
+                times, names = part.probe.times, part.probe.names
+                write_archive(artifact, laid_out, left, stage.leaves, times, names, facts)
+                return
+            with PartWriter(artifact, job.part) as writer:
+                for block in left:
+                    writer.put(block)
+                writer.facts = facts()
     # here and not in the client alone: on many workers that would be the one that all wait for
-    parts = range(len(artifact.parts))
-    if artifact.written == len(parts) and not any(part_problem(artifact, i) for i in parts):
-        assert stage.leaves is not None
-        seal_once(artifact, stage.leaves, part.probe.times, part.probe.names)
+    with no_look(), glancing_at(artifact.path.parent):
+        parts = range(len(artifact.parts))
+        if artifact.written == len(parts) and not any(part_problem(artifact, i) for i in parts):
+            assert stage.leaves is not None
+            seal_once(artifact, stage.leaves, part.probe.times, part.probe.names)
 
 
 def _inputs(job: Job, stage: Stage[Any, Any], store: Store) -> Any:

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from time import time_ns
 from typing import IO, Any
 
 from zsmoseg.remote.connection import ask, of
-from zsmoseg.remote.looks import Stat, keep, note, seen
+from zsmoseg.remote.looks import Stat, asked, keep, listed, looking, note
 from zsmoseg.remote.url import READABLE, URL
 
 PIECE = 1 << 23
 """Bytes of a file that are in memory at once while it is fetched."""
 BATCH = 1000
 """Objects that one request names at most."""
+SMALL = 2**18
+"""Bytes of a file that is read whole where pieces of it are asked for: no more than what a request takes to be answered."""
 
 
 def listing(url: URL) -> Mapping[str, Stat]:
     """Every file below a folder, by relative path; in one request for each thousand."""
-    found = seen(url)
+    found = listed(url)
     if found:
         place, files = found
         front = "" if place == url else f"{url.relative_to(place)}/"
@@ -32,15 +36,22 @@ def listing(url: URL) -> Mapping[str, Stat]:
     return dict(files)
 
 
-def _list(url: URL) -> dict[str, Stat]:
+def glance(url: URL) -> None:
+    """List a folder if one request tells all that is in it; else what is asked of it is asked file by file."""
+    if listed(url) or url.scheme in READABLE:
+        return
+    files = ask(url, lambda: _list(url, most=1))
+    if len(files) < BATCH:
+        keep(url, files)
+
+
+def _list(url: URL, most: int | None = None) -> dict[str, Stat]:
+    """What is below a folder, or in its first ``most`` batches."""
     import obstore
 
     skip = len(url.key) + 1 if url.key else 0
-    return {
-        meta["path"][skip:]: _stat(meta)
-        for batch in obstore.list(of(url), prefix=url.key or None, chunk_size=BATCH)
-        for meta in batch
-    }
+    batches = obstore.list(of(url), prefix=url.key or None, chunk_size=BATCH)
+    return {meta["path"][skip:]: _stat(meta) for batch in islice(batches, most) for meta in batch}
 
 
 def _stat(meta: Any) -> Stat:
@@ -52,22 +63,24 @@ def stat(url: URL) -> Stat | None:
     """Of a file; None where there is none."""
     import obstore
 
-    found = seen(url, itself=False)
+    found = listed(url, itself=False)
     if found:
         return found[1].get(str(url.relative_to(found[0])))
-    if not url.key:
-        return None
-    try:
-        return _stat(ask(url, lambda: obstore.head(of(url), url.key)))
-    except FileNotFoundError:
-        return None
+
+    def head() -> Stat | None:
+        try:
+            return _stat(ask(url, lambda: obstore.head(of(url), url.key)))
+        except FileNotFoundError:
+            return None
+
+    return asked(url, head) if url.key else None
 
 
 def is_folder(url: URL) -> bool:
     """Whether something lies below it."""
     import obstore
 
-    if seen(url) or url.scheme in READABLE:
+    if listed(url) or url.scheme in READABLE:
         return bool(listing(url))
     pages = obstore.list(of(url), prefix=url.key or None, chunk_size=1)
     return ask(url, lambda: next(iter(pages), None)) is not None
@@ -77,7 +90,7 @@ def inside(url: URL) -> list[tuple[str, bool]]:
     """The names in a folder, in order, and whether each is a folder itself."""
     import obstore
 
-    if seen(url) or url.scheme in READABLE:
+    if listed(url) or url.scheme in READABLE:
         names = {name.partition("/")[::2] for name in listing(url)}
         return sorted({(name, bool(rest)) for name, rest in names})
     found = ask(url, lambda: obstore.list_with_delimiter(of(url), prefix=url.key or None))
@@ -139,9 +152,16 @@ def fetch(url: URL, to: Path, known: str | None = None) -> str:
 
 
 def get_range(url: URL, offset: int, length: int) -> bytes | None:
-    """``length`` bytes from ``offset`` on, fewer at the end of the file; None where there is none."""
+    """``length`` bytes from ``offset`` on, fewer at the end of the file; None where there is none.
+
+    Within a look a small file is read once: of tables and shards of short videos one asks for piece after piece.
+    """
     import obstore
 
+    known = stat(url) if looking() else None
+    if known is not None and known.size <= SMALL:
+        content = _small(url, known)
+        return content and content[offset : offset + length]
     try:
         return bytes(ask(url, lambda: obstore.get_range(of(url), url.key, start=offset, length=length)))
     except FileNotFoundError:
@@ -151,6 +171,12 @@ def get_range(url: URL, offset: int, length: int) -> bytes | None:
         if found is not None and offset >= found.size:
             return b""
         raise
+
+
+@lru_cache(maxsize=64)
+def _small(url: URL, known: Stat) -> bytes | None:
+    found = get(url)
+    return found[0] if found else None
 
 
 def put(url: URL, content: bytes | Path | IO[bytes]) -> Stat:
@@ -210,8 +236,10 @@ def delete(url: URL) -> None:
     """Remove a file, and all that lies below it as a folder."""
     import obstore
 
-    below = [url / name for name in listing(url)]
-    gone = [url, *below] if url.key else below
+    gone = [url / name for name in listing(url)]
+    # without a look a file is not asked for, but removed whether it is there or not
+    if url.key and (not listed(url, itself=False) or stat(url)):
+        gone.append(url)
     for first in range(0, len(gone), BATCH):
         batch = gone[first : first + BATCH]
         ask(url, lambda batch=batch: obstore.delete(of(url), [one.key for one in batch]))  # type: ignore[misc]
