@@ -11,7 +11,7 @@ import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from zsmoseg.errors import SpaceError
 from zsmoseg.remote.looks import Stat
@@ -120,8 +120,10 @@ def touch(path: PurePath) -> None:
     os.utime(path, follow_symlinks=os.utime not in os.supports_follow_symlinks)
 
 
-def zarr_store(path: PurePath) -> str:
-    return str(path)
+def zarr_store(path: PurePath) -> Any:
+    from zarr.storage import LocalStore, StorePath
+
+    return StorePath(LocalStore(Path(path), read_only=True))
 
 
 def zip_store(path: PurePath) -> object:

@@ -172,22 +172,22 @@ def _keep(
     from zsmoseg.workflows.stage import description, first_record
 
     path = artifact.lease_path(part_name(job.part))
-    with lease(path, lambda: not part_problem(artifact, job.part), steal=job.steal) as ours:
-        # what others have done until the lease was ours
-        with glancing_at(artifact.path.parent.parent):
-            if not ours or not part_problem(artifact, job.part):
-                return
-            if job.packed:
-                about = description(stage, job.key, job.settings, job.inputs)
-                whole = [(0, part.frames)]
-                laid_out = first_record(stage, about, job.promise["source"], part.probe, whole)
-                times, names = part.probe.times, part.probe.names
-                write_archive(artifact, laid_out, left, stage.leaves, times, names, facts)
-                return
-            with PartWriter(artifact, job.part) as writer:
-                for block in left:
-                    writer.put(block)
-                writer.facts = facts()
+    taken = lease(path, lambda: not part_problem(artifact, job.part), steal=job.steal)
+    # the second look: what others have done until the lease was ours
+    with taken as ours, glancing_at(artifact.path.parent.parent):
+        if not ours or not part_problem(artifact, job.part):
+            return
+        if job.packed:
+            about = description(stage, job.key, job.settings, job.inputs)
+            whole = [(0, part.frames)]
+            laid_out = first_record(stage, about, job.promise["source"], part.probe, whole)
+            times, names = part.probe.times, part.probe.names
+            write_archive(artifact, laid_out, left, stage.leaves, times, names, facts)
+            return
+        with PartWriter(artifact, job.part) as writer:
+            for block in left:
+                writer.put(block)
+            writer.facts = facts()
     # here and not in the client alone: on many workers that would be the one that all wait for
     with no_look(), glancing_at(artifact.path.parent):
         parts = range(len(artifact.parts))
