@@ -56,11 +56,12 @@ def decode(stored: Array, attributes: Mapping[str, Any]) -> Array:
     """Stored values in physical units, float32, NaN where unknown; arrays without a scale as they are."""
     if "scale_factor" not in attributes:
         return stored
-    scale = np.float32(attributes["scale_factor"])
-    values: NDArray[np.float32] = np.multiply(stored, scale, dtype=np.float32)
-    unknown = stored == attributes["_FillValue"]
-    if unknown.any():
-        values[unknown] = np.nan
+    # in this order for its time: a cast, a product in place, and one look at the end of the range where the fill value is
+    values: NDArray[np.float32] = stored.astype(np.float32)
+    values *= np.float32(attributes["scale_factor"])
+    fill = attributes["_FillValue"]
+    if stored.size and fill in (stored.min(), stored.max()):
+        values[stored == fill] = np.nan
     return values
 
 
