@@ -10,7 +10,7 @@ from conftest import SHARED
 from PIL import Image
 from scipy.io import savemat
 
-from zsmoseg.datasets import Points, Truth, open_dataset, select
+from zsmoseg.datasets import Points, Truth, open_dataset, point_tracks, select
 from zsmoseg.datasets.motion_times import read_motion_times
 from zsmoseg.datasets.point_tracks import read_tracks
 from zsmoseg.datasets.published import published_rows, sequence_lists
@@ -227,6 +227,26 @@ def test_point_tracks_are_read_from_npz_and_from_the_original_mat(tmp_path: Path
         assert np.array_equal(tracks.points, points)
         assert np.array_equal(tracks.visible, visible)
         assert np.array_equal(tracks.label, label)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"MATLAB 5.0 MAT-file" + bytes(200), b"x" * 4096],
+    ids=["empty", "cut off", "something else"],
+)
+def test_a_damaged_mat_is_named(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "clip.mat").write_bytes(content)
+    with pytest.raises(DatasetError, match=r"clip\.mat: cannot be read as point tracks \("):
+        read_tracks(tmp_path / "clip.mat")
+
+
+def test_a_mat_that_ends_its_reader_ends_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(point_tracks, "_READER", "import os; os.abort()")
+    (tmp_path / "clip.mat").write_bytes(b"MATLAB")
+    with pytest.raises(DatasetError, match=r"clip\.mat: cannot be read .*its reader died"):
+        read_tracks(tmp_path / "clip.mat")
 
 
 def test_point_tracks_that_do_not_fit_are_named(tmp_path: Path) -> None:
