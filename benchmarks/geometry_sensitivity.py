@@ -108,6 +108,8 @@ def row(kitti: Path, out: Path, again: bool, values: Mapping[str, Any]) -> str:
         sum(still[n] for n in names)
         for names in ([p.name for p in crops], [n for n in made if n.endswith("0")])
     )
+    wrong = [name for name, right in still.items() if not right and not name.endswith("1")]
+    print(values, "not empty:", *sorted(wrong), file=sys.stderr, flush=True)
     return f"{crops_right} / {static_right} / {found} / {driving}"
 
 

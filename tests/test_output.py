@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 
@@ -218,3 +219,21 @@ def test_what_is_written_beside_an_ablation_is_on_the_list(tmp_path: Path) -> No
     )
     flip(tmp_path / "tables" / "steps.txt")
     assert again.problem(["steps.txt"], "steps") == "steps.txt was changed"
+
+
+def test_what_is_computed_again_is_described_again(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under the same keys it may be another result, by another version of a library."""
+    from zsmoseg.workflows.stages.motion import groups
+
+    before = json.loads((root / "out/disc/summary.json").read_text())
+
+    def nothing(*given: object) -> groups.ShotGroups:
+        return replace(group_shot(*given), group=np.zeros(len(given[0].static), np.int64))  # type: ignore[attr-defined, arg-type]
+
+    group_shot = groups.group_shot
+    monkeypatch.setattr(groups, "group_shot", nothing)
+    segment(root / "disc", root, start_from="groups")
+    after = json.loads((root / "out/disc/summary.json").read_text())
+    assert before["moving_groups"]
+    assert (after["moving_groups"], after["moving_pixels_percent"]) == (0, 0)
+    assert not masks(root / "out/disc").any()

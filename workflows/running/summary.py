@@ -58,7 +58,12 @@ def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
 
 
 def _kept(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
-    """The summary that is there, if it is of just this and nothing is to be cleared; reads no array."""
+    """The summary that is there, if it is of just this and nothing is to be cleared; reads no array.
+
+    What was computed again is described again: under the same keys it may be another result, by other versions of libraries.
+    """
+    if any(stage.reason != "done" for stage in plan.stages.values() if not stage.stage.output):
+        return None
     names = [SUMMARY, STATES]
     if plan.output.files.keys() - {*plan.files, *names} or plan.output.problem(
         names, plan.stages["groups"].key
