@@ -21,6 +21,8 @@ from zsmoseg.workflows.stage import Memory, Part, Stage, reach, working_size
 from zsmoseg.workflows.stages.cues.frames import Frames
 
 Vectors = NDArray[np.float32]
+READ = 4
+"""Pairs that are read at once where one after the other is looked at."""
 UNKNOWN = -32768
 """What is stored where flow is unknown: the lowest number, so that all others are left for flow."""
 
@@ -44,6 +46,12 @@ class Flow(Arrays):
         "pair", dtype="uint8", meaning="0 = a pair, 1 = a cut, 2 = a repeated frame"
     )
     valid: NDArray[np.bool_] = table("pair", dtype="bool", meaning="whether the two frames are a pair")
+
+    def each_pair(self, start: int, stop: int) -> Iterator[tuple[Vectors, Vectors]]:
+        """Flow (2, h, w) forward and backward of the pairs ``start`` to ``stop - 1``, ``READ`` of them in memory at a time."""
+        for first in range(start, stop, READ):
+            some = self.of(first, min(first + READ, stop))
+            yield from zip(some.forward, some.backward, strict=True)
 
 
 @dataclass(frozen=True)

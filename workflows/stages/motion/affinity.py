@@ -18,12 +18,12 @@ from zsmoseg.motion.residuals import PairResiduals
 from zsmoseg.stores.arrays import Arrays
 from zsmoseg.stores.fields import table
 from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, ignored, reach, working_size
-from zsmoseg.workflows.stages.cues.flow import Flow
+from zsmoseg.workflows.stages.cues.flow import READ, Flow
 from zsmoseg.workflows.stages.front_end import Labels, Objects, Shot, local_ids
 from zsmoseg.workflows.stages.motion.epipolar import Epipolar, each_view_pair
 from zsmoseg.workflows.stages.motion.residuals import Residuals
 from zsmoseg.workflows.stages.motion.statistics import Statistics
-from zsmoseg.workflows.stages.motion.tracked import READ, tracked
+from zsmoseg.workflows.stages.motion.tracked import tracked
 from zsmoseg.workflows.stages.windows import all_windows
 
 UNCHANGED = 1e-9

@@ -7,13 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from zsmoseg.flow.trajectories import Pair, each_frame, look_up
+from zsmoseg.flow.trajectories import each_frame, look_up
 from zsmoseg.grouping.geometry import EVERY, SPACING, Seen
 from zsmoseg.workflows.stages.cues.flow import Flow
 from zsmoseg.workflows.stages.front_end import Labels, Shot, shrink
-
-READ = 4
-"""Pairs whose flow is read at once."""
 
 
 def tracked(
@@ -26,18 +23,10 @@ def tracked(
     grid : height and width of the working grid.
     ignore : (h, w) true where pixels count for nothing, and so do tracks; None: all count.
     """
-    found = each_frame(_pairs(flow, shot), *grid, SPACING)
+    found = each_frame(flow.each_pair(shot.start, shot.stop - 1), *grid, SPACING)
     for frame, (track, place) in enumerate(found, start=shot.start):
         if (frame - shot.start) % EVERY == 0:
             (label,) = shrink(labels.of(frame, frame + 1).label, *grid)
             on = np.searchsorted(shot.objects, look_up(label, place))
             counts = slice(None) if ignore is None else look_up(ignore.astype(np.uint8), place) == 0
             yield track[counts], place[counts], on[counts]
-
-
-def _pairs(flow: Flow, shot: Shot) -> Iterator[Pair]:
-    """The flow of every pair of the shot."""
-    last = shot.stop - 1
-    for start in range(shot.start, last, READ):
-        some = flow.of(start, min(start + READ, last))
-        yield from zip(some.forward, some.backward, strict=True)

@@ -60,8 +60,7 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Trajectories]:
     """The tracks of every shot."""
     grid = working_size(part.probe, s.frames.width)
     for start, stop in between_cuts(inputs.flow.state):
-        pairs = (inputs.flow.of(m, m + 1) for m in range(start, stop - 1))
-        found = each_frame(((p.forward[0], p.backward[0]) for p in pairs), *grid, s.trajectories.spacing)
+        found = each_frame(inputs.flow.each_pair(start, stop - 1), *grid, s.trajectories.spacing)
         for at in range(start, stop, BLOCK):
             some = list(islice(found, BLOCK))
             track, place = (np.concatenate(column) for column in zip(*some, strict=True))
@@ -78,5 +77,5 @@ STAGE = Stage(
     Trajectories,
     "video",
     cost=(2.0, 16.0),
-    memory=Memory(working=100, frames=lambda s: 1),
+    memory=Memory(working=150, frames=lambda s: 1),
 )
