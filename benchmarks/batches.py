@@ -27,7 +27,7 @@ CLUSTER = f"from zsmoseg.workflows.running import run; run.SMALL = 0.0; {COMMAND
 """``--scheduler local`` means a cluster, however little there is to do."""
 FINISHED = re.compile(r"/records/\d+\.json$|\.zip$")
 """Files of a store that say, once they are there, that a part is finished."""
-UNFINISHED = re.compile(r"\.(tmp|partial|lease)$")
+UNFINISHED = re.compile(r"\.(tmp|lease)$")
 """Files that only killed processes leave."""
 
 

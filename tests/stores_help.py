@@ -191,6 +191,11 @@ def flip(path: Path, place: int | None = None) -> None:
     rewrite(path, bytes(changed))
 
 
+Harm = Callable[[Path], None]
+HARMS: list[Harm] = [delete, empty, truncate, flip]
+"""What can become of a file."""
+
+
 def rewrite(path: Path, data: bytes) -> None:
     """In a file of its own, so that the time of change is not all that tells the two apart."""
     other = path.with_name("other")

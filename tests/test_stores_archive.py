@@ -21,7 +21,9 @@ from conftest import draw_clip, write_folder
 from escapes_help import Sandbox
 from runs import data_bytes, masks, segment
 from stores_help import (
+    HARMS,
     Everything,
+    Harm,
     block_of,
     content,
     delete,
@@ -53,8 +55,6 @@ from zsmoseg.stores.reader import read_video
 from zsmoseg.stores.records import read_record, write_record
 from zsmoseg.stores.upkeep import garbage, remove_garbage, take_back, verify
 
-Harm = Callable[[Path], None]
-HARMS = [delete, empty, truncate, flip]
 FRAMES = 10
 STEP = 41
 """Of the bytes that are flipped, one in so many."""

@@ -12,7 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from stores_help import (
+    HARMS,
     Everything,
+    Harm,
     begin_with,
     content,
     data_files,
@@ -42,8 +44,6 @@ from zsmoseg.stores.reader import read_video
 from zsmoseg.stores.records import read_record, write_record
 from zsmoseg.stores.upkeep import take_back, verify
 
-Harm = Callable[[Path], None]
-HARMS = [delete, empty, truncate, flip]
 SHARD = "label/c.1.0.0"
 TABLE = "records/0001.tables"
 RECORD = "records/0001.json"

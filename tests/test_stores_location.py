@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
@@ -19,6 +18,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stores_help import (
     FINGERPRINT,
+    HARMS,
+    Harm,
     content,
     delete,
     empty,
@@ -39,9 +40,6 @@ from zsmoseg.stores.reader import read_video
 from zsmoseg.stores.records import read_record, write_record
 from zsmoseg.stores.runs import Entry, RunRecord, entry_paths, forget_run, list_runs, read_run
 from zsmoseg.stores.upkeep import garbage, remove_garbage, take_back, verify
-
-Harm = Callable[[Path], None]
-HARMS = [delete, empty, truncate, flip]
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ from zsmoseg.video.plain_names import parts_of
 P = TypeVar("P", bound=PurePath)
 STALE = 3600.0
 """Seconds after which an unfinished file is a leftover of a process that is gone."""
-LEFT = (".partial", ".tmp", ".lease")
+LEFT = (".tmp", ".lease")
 """Ends of the names of what killed runs leave."""
 SHOWN = 80
 """Characters of a name in an error."""
