@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from zsmoseg.grouping.core import Core, group_arrays
+from zsmoseg.grouping.affinity import shot_affinity
+from zsmoseg.grouping.core import Core, group_arrays, shot_pairs
 from zsmoseg.grouping.decisions import BORDER, Reason
+from zsmoseg.grouping.groups import ShotGroups, group_shot
+from zsmoseg.grouping.instances import movers_torn_from
+from zsmoseg.grouping.pieces import measure_pieces
 from zsmoseg.grouping.remarks import NO_WORLD, NOTHING, RESTING, together
+from zsmoseg.motion.models import MODELS
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import flow_scene
 from zsmoseg.workflows.sentences import MOVES, RESTS, of_piece
@@ -82,6 +88,50 @@ def test_a_mover_that_rests_in_all_frames_is_said_to(moving: int) -> None:
     assert ("resting in all" in told) == (moving == 0)
     assert "not below the border of 0.50; it moves all the same, for it is near" in told
     assert "1 pixel in all" in told
+
+
+def test_what_is_torn_off_goes_back_to_the_mover_it_is_most_like() -> None:
+    group = np.array([0, 1, 2, 0, 0, 0, 0, 0])
+    whole = np.array([0, 1, 1, 1, 1, 1, 6, 7])
+    support = np.array([0, 50, 40, 10, 45, 10, 10, 0.0])
+    affinity = np.full((8, 8), 0.5)
+    affinity[3, 2] = affinity[2, 3] = 0.9  # a limb of 2
+    affinity[4, 1:3] = 0.2, np.nan  # as large as 2: one of 1 only
+    affinity[0, 5] = 1.0  # stands on the ground
+    affinity[0, 3] = np.nan
+    assert movers_torn_from(group, whole, affinity, support).tolist() == [0, 1, 2, 2, 1, 5, 6, 7]
+    still = movers_torn_from(np.zeros(8, np.int64), whole, affinity, support)
+    assert still.tolist() == list(range(8))
+
+
+def test_what_is_torn_off_moves_with_its_mover_and_its_reason_is_told() -> None:
+    scene = flow_scene(4, n_movers=1, n_objects=3, n_pairs=4, shape=(120, 214), min_contrast=0.4)
+    core = resolve().parameters(Core)
+    shots = shot_pairs(
+        scene.labels, scene.flow, scene.inverse_depth, MODELS["affine"], core.statistics, None, None
+    )
+    count = int(scene.labels.max()) + 1
+    found = shot_affinity(lambda: iter(shots), (len(scene.flow), count), MODELS["affine"], core.affinity)
+    pieces = measure_pieces(scene.labels, scene.pictures, np.arange(count))
+    velocity = np.zeros((2, count, 2))
+
+    def answer(whole: np.ndarray) -> ShotGroups:
+        return group_shot(found, pieces, velocity, whole, scene.labels.shape[1:], core.groups)
+
+    alone = answer(np.arange(count))
+    mover, still = int(alone.group.argmax()), int(np.flatnonzero(alone.group[1:] == 0)[0]) + 1
+    whole = np.arange(count)
+    whole[still] = whole[mover]
+    pieces = replace(
+        pieces, area=np.where(np.arange(count) == still, np.minimum(pieces.area, 1), pieces.area)
+    )
+    found = replace(found, affinity=np.minimum(found.affinity, 0.99))
+    torn = answer(whole)
+    assert torn.group[still] == torn.group[mover] == 1
+    assert torn.instance[still] == torn.instance[mover] == mover
+    assert (torn.moving[:, still] == torn.moving[:, mover]).all()
+    assert torn.reason[still] == Reason.TORN
+    assert torn.reason[mover] == Reason.EVIDENCE
 
 
 def test_one_is_not_many() -> None:

@@ -12,7 +12,7 @@ from zsmoseg.proposals.embedded.components import NONE, tidy
 from zsmoseg.proposals.embedded.contraction import contract
 from zsmoseg.proposals.embedded.graph import Graph
 from zsmoseg.proposals.embedded.identities import Identities
-from zsmoseg.proposals.embedded.partition import Partition, chains, partition, signed_graph
+from zsmoseg.proposals.embedded.partition import Partition, chains, far_pairs, partition, signed_graph
 from zsmoseg.proposals.embedded.signed_graph import SignedGraph
 from zsmoseg.settings import Objects
 
@@ -85,7 +85,7 @@ def thing(frames: list[np.ndarray]) -> np.ndarray:
 def found(w: Graph, frames: list[np.ndarray], s: Partition = S) -> list[set[int]]:
     """The parts that each thing is in."""
     shown = thing(frames)
-    part = partition(w, shown != BACKGROUND, s)
+    part = partition(w, shown != BACKGROUND, s)[1]
     return [set(part[shown == n].tolist()) for n in range(int(shown.max()) + 1)]
 
 
@@ -114,9 +114,40 @@ def test_two_movers_that_touch_keep_their_ids_and_an_occluder_splits_none() -> N
     frames, velocity = crossing(8)
     w = scene(frames, velocity)
     foreground = thing(frames) != BACKGROUND
-    part = tidy(foreground, partition(w, foreground, S), w.size, w.edge, 2 * SIZE)
+    part = tidy(foreground, partition(w, foreground, S)[1], w.size, w.edge, 2 * SIZE)
     ids = Identities().name(part, w.size, 0)
     assert [set(ids[thing(frames) == n].tolist()) for n in (BACKGROUND, 0, 1)] == [{0}, {1}, {2}]
+
+
+def bleeding(t: int, apart: float) -> tuple[np.ndarray, np.ndarray]:
+    """Two blocks side by side, whose flow goes over into one another without a step; ``apart`` px a frame in all."""
+    frame = np.full((12, 34), BACKGROUND)
+    frame[2:10, 2 + t : 12 + t], frame[2:10, 12 + t : 22 + t] = 0, 1
+    flow = np.zeros((12, 34, 2))
+    flow[2:10, 2 + t : 22 + t, 0] = 8
+    flow[2:10, 2 + t : 22 + t, 1] = apart * (np.arange(20).clip(8, 11) - 8) / 3
+    flow[frame != BACKGROUND] += np.random.default_rng(t).normal(0, 0.05, (160, 2))
+    return frame, flow
+
+
+@pytest.mark.parametrize(("apart", "parts"), [(2.4, 2), (0.6, 1)])
+def test_where_flow_bleeds_over_the_border_two_movers_are_one_whole_and_two_parts(
+    apart: float, parts: int
+) -> None:
+    frames, flow = map(list, zip(*[bleeding(t, apart) for t in range(10)], strict=True))
+    shown = thing(frames)
+    whole, part = partition(scene(frames, flow), shown != BACKGROUND, S)
+    assert len(set(whole[shown != BACKGROUND].tolist())) == 1
+    assert len(set(part[shown != BACKGROUND].tolist())) == parts
+    halves = [int(np.bincount(part[shown == n]).argmax()) for n in (0, 1)]
+    assert (halves[0] != halves[1]) == (parts == 2)
+
+
+def test_pairs_from_afar_are_just_so_many_steps_apart() -> None:
+    row = np.stack([np.arange(5), np.arange(1, 6)], 1)  # 0 - 1 - 2 - 3 - 4 - 5, and a shortcut
+    assert far_pairs(row, 3).tolist() == [[0, 3], [1, 4], [2, 5]]
+    assert far_pairs(np.concatenate([row, [[0, 4]]]), 3).tolist() == [[1, 5], [2, 5]]
+    assert far_pairs(np.zeros((0, 2), np.int64), 3).tolist() == []
 
 
 def test_movers_that_move_alike_for_a_while_are_told_apart_by_the_other_frames() -> None:
@@ -171,7 +202,7 @@ def test_slow_noise_parts_nothing_and_a_step_of_one_frame_neither() -> None:
     rng = np.random.default_rng(0)
     flow = [rng.normal(0, 0.3, (8, 12, 2)) for _ in range(8)]
     assert len(found(scene([frame] * 8, flow), [frame] * 8)[0]) == 1
-    flow[4][:, 6:] += 4
+    flow[4][:, 6:] += 3
     assert len(found(scene([frame] * 8, flow), [frame] * 8)[0]) == 1
 
 

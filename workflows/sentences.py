@@ -18,6 +18,7 @@ MOVES = {
     Reason.COUNT: "it moves all the same, by the number of groups asked for",
     Reason.CUES: "it moves by the affinity of the kernel and the cues chosen",
     Reason.CLUSTERS: "it moves, for the clusters of the affinity have it apart from the background",
+    Reason.TORN: "it moves all the same, for it is held together with a larger object that moves, as a limb with its body",
     Reason.KEPT: "it moves, for all are kept as they were proposed",
 }
 RESTS = {

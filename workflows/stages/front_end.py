@@ -23,6 +23,12 @@ class Objects(Arrays):
     first_frame: Ids = table("shot", dtype="int64", meaning="its first frame")
     end_frame: Ids = table("shot", dtype="int64", meaning="the frame after its last one")
     last_object: Ids = table("shot", dtype="int64", meaning="largest object up to its end")
+    object: Ids = table("object", dtype="int64", meaning="object")
+    whole: Ids = table(
+        "object",
+        dtype="int64",
+        meaning="what the proposals hold together, by its largest object: others may be torn off it",
+    )
 
 
 @dataclass(frozen=True)
@@ -78,8 +84,12 @@ def shots_of(objects: Objects) -> list[Shot]:
     ]
 
 
-def shot_columns(frames: int, found: list[tuple[int, int]], last: list[int]) -> dict[str, Any]:
-    """The fields of ``Objects`` for shots (start, stop) and the largest object up to the end of each."""
+def shot_columns(
+    frames: int, found: list[tuple[int, int]], last: list[int], whole: Ids | None = None
+) -> dict[str, Any]:
+    """The fields of ``Objects`` for shots (start, stop), the largest object up to the end of each, and the whole of each (N,),
+    the object itself if not given.
+    """
     first, end = np.array(found, np.int64).T
     number = np.arange(len(found), dtype=np.int64)
     columns = {
@@ -87,6 +97,8 @@ def shot_columns(frames: int, found: list[tuple[int, int]], last: list[int]) -> 
         "first_frame": first,
         "end_frame": end,
         "last_object": np.array(last, np.int64),
+        "object": (objects := np.arange(max(last, default=0) + 1)),
+        "whole": objects if whole is None else whole,
     }
     return {"start": 0, "stop": frames, **columns}
 

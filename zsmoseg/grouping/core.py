@@ -86,4 +86,5 @@ def group_arrays(
     velocity = np.full((len(flow), count, 2), np.nan)
     for p in pairs:
         velocity[p.pair] = mean_flow(p.gram)
-    return group_shot(found, pieces, end_velocities(velocity), labels.shape[1:], core.groups), found
+    whole = np.arange(pieces.area.shape[1])
+    return group_shot(found, pieces, end_velocities(velocity), whole, labels.shape[1:], core.groups), found

@@ -39,20 +39,29 @@ class Reason(IntEnum):
     """The clusters of the affinity (``spectral``)."""
     KEPT = 9
     """It is kept as it was proposed (``keep``)."""
+    TORN = 10
+    """It is held together with a larger object that moves, and does not move apart from the world by itself: a limb of it."""
 
 
 def reasons_of_linkage(
-    found: ShotAffinity, chosen: Members, group: Labels, world: Floats, rule: Membership
+    found: ShotAffinity,
+    chosen: Members,
+    group: Labels,
+    torn: NDArray[np.bool_],
+    world: Floats,
+    rule: Membership,
 ) -> Labels:
     """The reason (N,) for the group of every object by the rule ``linkage``.
 
     Parameters
     ----------
     group : (N,) 0 = static.
+    torn : (N,) what went back to the mover that it was torn off.
     world : (N,) affinity with the world by what it costs, NaN = unknown.
     """
     costs, alike = world < BORDER, found.affinity[0] >= BORDER
     cases: list[tuple[NDArray[np.bool_], Reason]] = [
+        (torn, Reason.TORN),
         ((group > 0) & chosen.open, Reason.JOINED),
         ((group > 0) & found.static, Reason.COUNT),
         (group > 0, Reason.CUES),
@@ -64,7 +73,7 @@ def reasons_of_linkage(
         (np.diagonal(found.pairs) < rule.least_pairs, Reason.SHORT),
     ]
     overridden = np.select([case for case, _ in cases], [reason for _, reason in cases], Reason.SMALL)
-    proved = (group > 0) & ~chosen.open & ~found.static & costs
+    proved = (group > 0) & ~torn & ~chosen.open & ~found.static & costs
     return np.where(proved, Reason.EVIDENCE, overridden).astype(np.int64)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from zsmoseg.grouping.affinity import ShotAffinity
 from zsmoseg.grouping.clustering import Count, Labels
 from zsmoseg.grouping.decisions import Reason, reasons_of_kept, reasons_of_linkage
-from zsmoseg.grouping.instances import Joining, Nearness, nearness
+from zsmoseg.grouping.instances import Joining, Nearness, movers_torn_from, nearness
 from zsmoseg.grouping.numbering import connected, renumbered
 from zsmoseg.grouping.pieces import Pieces
 from zsmoseg.grouping.remarks import remarks
@@ -66,7 +66,12 @@ class ShotGroups:
 
 
 def group_shot(
-    found: ShotAffinity, pieces: Pieces, velocity: Floats, shape: tuple[int, int], grouping: Grouping
+    found: ShotAffinity,
+    pieces: Pieces,
+    velocity: Floats,
+    whole: Labels,
+    shape: tuple[int, int],
+    grouping: Grouping,
 ) -> ShotGroups:
     """Group, link, tell when.
 
@@ -75,12 +80,13 @@ def group_shot(
     found : the affinity of the N objects, and the evidence beside it.
     pieces : place and colour of the objects.
     velocity : (2, N, 2) px a frame, of the first and of the last pairs of every object.
+    whole : (N,) what the proposals hold together, see ``instances.movers_torn_from``.
     shape : height and width of the working grid.
     """
     area, seen = pieces.area.sum(0).astype(np.float64), np.greater(pieces.area, 0)
     support = np.append(0.0, area[1:])
     excess, tolerance = means_against_world(found)
-    world = tolerance / (tolerance + excess)
+    world, home = tolerance / (tolerance + excess), np.arange(len(whole))
 
     def near_to(wanted: NDArray[np.bool_]) -> Nearness:
         return nearness(pieces, velocity, shape, np.flatnonzero(wanted), grouping.joining)
@@ -89,7 +95,11 @@ def group_shot(
         chosen = members(found, seen, support, grouping.membership)
         near = near_to(chosen.strong | chosen.open)
         group = linked_groups(found, chosen, near, support, grouping.membership)
-        reason = reasons_of_linkage(found, chosen, group, world, grouping.membership)
+        if grouping.count == "auto":
+            home = movers_torn_from(group, whole, found.affinity, support)
+            group = group[home]
+        torn = home != np.arange(len(home))
+        reason = reasons_of_linkage(found, chosen, group, torn, world, grouping.membership)
     elif grouping.rule == "spectral":
         group = spectral_groups(found.affinity, area, grouping.count, grouping.spectral)
         near, reason = near_to(group > 0), np.full_like(group, Reason.CLUSTERS)
@@ -101,8 +111,8 @@ def group_shot(
     moving, margin = motion_state(by_pair, against, group, len(pieces.area), grouping.hysteresis)
     return ShotGroups(
         group,
-        connected(group, near.distance <= 1, support),
-        moving & seen,
+        connected(group, near.distance <= 1, support)[home],
+        moving[:, home] & seen,
         margin,
         excess,
         tolerance,

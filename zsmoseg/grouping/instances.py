@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.grouping.clustering import Labels
 from zsmoseg.grouping.pieces import Pieces
 from zsmoseg.motion.models import Floats
 
@@ -170,3 +171,26 @@ def _apart(a: _Life, b: _Life, joining: Joining) -> tuple[float, bool]:
     backdated = box_gap(end, start - frames * b.velocity[0])
     gap = min(float(onward), float(backdated))
     return gap / max(limit, TINY), gap <= limit
+
+
+def movers_torn_from(group: Labels, whole: Labels, affinity: Floats, support: Floats) -> Labels:
+    """For each static object (N,) the mover that it was torn off; itself where there is none.
+
+    Proposals part what flow tells apart: two things that touch, and a limb from its body. Two things both move. What of a
+    whole does not move apart from the world goes back to the larger mover in it, to that which it agrees with most; what
+    agrees with the world entirely stays there, as what stands on the ground does.
+
+    Parameters
+    ----------
+    group : (N,) 0 = static.
+    whole : (N,) what the proposals hold together.
+    affinity : (N, N), object 0 the world; NaN = unknown.
+    support : (N,) pixels of every object, 0 for the background.
+    """
+    out = np.arange(len(group))
+    for n in np.flatnonzero((group == 0) & (support > 0) & ~(affinity[0] >= 1)):
+        movers = np.flatnonzero((group > 0) & (whole == whole[n]) & (support > support[n]))
+        if len(movers):
+            alike = np.nan_to_num(affinity[n, movers], nan=-1.0)
+            out[n] = movers[np.lexsort((-support[movers], -alike))[0]]
+    return out

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +64,7 @@ class Sections:
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]:
     """All shots of the video, one after the other; ids go on counting from shot to shot."""
     found, last = between_cuts(inputs.flow.state), [0]
+    whole = np.zeros(1, np.int64)
     waiting: list[FrameObjects] = []
     frame = 0
 
@@ -71,10 +73,12 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]
 
     grid, parameters = working_size(part.probe, s.frames.width), s.objects.parameters(Parameters)
     for shot in found:
-        highest = last[-1]
+        highest, together = last[-1], Counter[tuple[int, int]]()
         for one in find_objects(load, shot, grid, parameters):
             ids = np.where(one.ids > 0, one.ids + last[-1], 0).astype(np.int32)
             highest = max(highest, int(ids.max(initial=0)))
+            mine = ids > 0
+            together.update(zip(ids[mine].tolist(), one.whole[mine].tolist(), strict=True))
             waiting.append(one._replace(ids=ids))
             frame += 1
             if frame % BLOCK == 0 or frame == part.frames:
@@ -85,13 +89,30 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[SuperpixelObjects]
                 f"more than {MOST} objects up to frame {shot[1] - 1}, more than a label image holds; run the video in pieces "
                 "(video.start, video.end)"
             )
+        whole = np.append(whole, wholes_of(together, last[-1] + 1, highest))
         last.append(highest)
-    yield SuperpixelObjects(**shot_columns(part.frames, found, last[1:]))
+    yield SuperpixelObjects(**shot_columns(part.frames, found, last[1:], whole))
+
+
+def wholes_of(together: Mapping[tuple[int, int], int], first: int, last: int) -> NDArray[np.int64]:
+    """Of each of the objects ``first`` to ``last`` the largest that is most in the same whole.
+
+    Parameters
+    ----------
+    together
+        Superpixels by object and number of the whole.
+    """
+    head: dict[int, int] = {}
+    whole: dict[int, int] = {}
+    for n, number in sorted(together, key=lambda both: (-together[both], both)):
+        if n not in whole:  # else it is more in another
+            whole[n] = head.setdefault(number, n)
+    return np.array([whole.get(n, n) for n in range(first, last + 1)], np.int64)
 
 
 def _block(stop: int, found: list[FrameObjects]) -> SuperpixelObjects:
     """The frames up to ``stop``."""
-    values, ids, looks, sure, scores = zip(*found, strict=True)
+    values, ids, _, looks, sure, scores = zip(*found, strict=True)
     return SuperpixelObjects(
         start=stop - len(found),
         stop=stop,
@@ -121,7 +142,7 @@ def _held(s: Sections) -> int:
 
 STAGE = Stage(
     "objects",
-    4,
+    6,
     task,
     Inputs,
     Sections,

@@ -102,7 +102,8 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Groups]:
     colours = read_colours(inputs.statistics, len(known.group))
     for number, window in enumerate(all_windows(inputs.objects, inputs.labels)):
         pieces, velocity = read_pieces(inputs.statistics, window, colours)
-        answer = group_shot(read_affinity(inputs.affinity, window), pieces, velocity, grid, grouping)
+        whole = inputs.objects.whole[window.objects]
+        answer = group_shot(read_affinity(inputs.affinity, window), pieces, velocity, whole, grid, grouping)
         said.append((answer.warnings, f"frames {window.start} to {window.stop - 1}"))
         rows = slice(window.first - window.start, window.last - window.start)
         moving = answer.moving[rows]
@@ -220,4 +221,4 @@ def moving_objects(groups: Groups, start: int, stop: int) -> NDArray[np.bool_]:
     return out
 
 
-STAGE = Stage("groups", 7, task, Inputs, Sections, Groups, "video", cost=(0.5, 0.1))
+STAGE = Stage("groups", 8, task, Inputs, Sections, Groups, "video", cost=(0.5, 0.1))

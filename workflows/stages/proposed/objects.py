@@ -32,7 +32,6 @@ class MaskObjects(Objects):
     masks: Ids = table("frame", dtype="int64", meaning="how many masks it has")
     number: Ids = table("mask_of_frame", dtype="int64", meaning="number of the mask in its frame")
     object_of: Ids = table("mask_of_frame", dtype="int64", meaning="its object")
-    object: Ids = table("object", dtype="int64", meaning="object")
     origin: Ids = table("object", dtype="int64", meaning="its id in the files, 0 where they have none")
     category_of: Ids | None = table(
         "object", dtype="int64", meaning="its category, an index of the coordinate category; -1 = none"
@@ -76,7 +75,6 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[MaskObjects]:
         masks=inputs.proposals.masks,
         number=inputs.proposals.number,
         object_of=object_of,
-        object=np.arange(len(origin), dtype=np.int64),
         origin=origin,
         **named_objects(inputs.proposals, object_of, len(origin), len(categories(s.proposals, s.tags))),
         **shot_columns(part.frames, found, last),
@@ -185,7 +183,7 @@ def lookups(objects: MaskObjects, frames: Iterable[int]) -> dict[int, Ids]:
 
 STAGE = Stage(
     "objects",
-    2,
+    3,
     task,
     Inputs,
     Sections,

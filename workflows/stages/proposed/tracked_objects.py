@@ -44,7 +44,6 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[MaskObjects]:
         masks=proposals.masks,
         number=proposals.number,
         object_of=inputs.tracks.became,
-        object=np.arange(count, dtype=np.int64),
         origin=np.zeros(count, np.int64),
         **named_objects(proposals, inputs.tracks.became, count, len(categories(s.proposals, s.tags))),
         **shot_columns(part.frames, between_cuts(inputs.flow.state), last),
@@ -52,5 +51,5 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[MaskObjects]:
 
 
 STAGE = Stage(
-    "objects", 1, task, Inputs, Sections, MaskObjects, "video", labels=labels_of_categories, cost=(1.0, 0.1)
+    "objects", 2, task, Inputs, Sections, MaskObjects, "video", labels=labels_of_categories, cost=(1.0, 0.1)
 )

@@ -81,7 +81,11 @@ class Graph:
     @cached_property
     def edge_flow(self) -> tuple[Floats, Floats]:
         """(edges) each: distance of the flow of the two neighbours, forward and backward, px."""
-        i, j = self.edge.T
+        return self.steps(self.edge)
+
+    def steps(self, pairs: Ints) -> tuple[Floats, Floats]:
+        """(n) each: distance of the flow of pairs (n, 2) of a frame, forward and backward, px."""
+        i, j = pairs.T
         flows = (flow[:, [U, V]] for flow in (self.forward, self.backward))
         forward, backward = (np.hypot(*(flow[i] - flow[j]).T) for flow in flows)
         return forward, backward

@@ -55,6 +55,8 @@ class FrameObjects(NamedTuple):
     """(n) log-odds of being foreground, in the look that found it."""
     ids: Ids
     """(n) object, 1 upwards and stable over the shot; 0 where there is none."""
+    whole: Ids
+    """(n) what neighbours hold together, numbered in the same way: of one object, or of several that may move apart."""
     look: Ints
     """(n) the look that found it, 1 = the first; 0 where there is none."""
     sure: Singles
@@ -85,7 +87,7 @@ def find_objects(
         The parameters.
     """
     start, stop = shot
-    identities = Identities()
+    identities, wholes = Identities(), Identities()
     margin = objects.saliency.threshold.window + MARGIN
     for first in range(start, stop, LENGTH):
         last = min(first + LENGTH, stop)
@@ -93,12 +95,16 @@ def find_objects(
         graph = connect_frames(load(low, high), low - start, shape)
         found = moving_parts(graph, objects)
         known, named = graph.offset[[first - low, last - low]]
-        ids = identities.name(found.part[:named], graph.size[:named], int(known))
+        ids, whole = (
+            names.name(part[:named], graph.size[:named], int(known))
+            for names, part in ((identities, found.part), (wholes, found.whole))
+        )
         for t in range(first - low, last - low):
             here = graph.of(t)
             yield FrameObjects(
                 found.value[here].astype(np.float32),
                 ids[here.start - known : here.stop - known],
+                whole[here.start - known : here.stop - known],
                 found.look[here],
                 found.sure[here].astype(np.float32),
                 float(found.score[t]),
@@ -115,6 +121,8 @@ class Moving:
     """(F) of the first look."""
     part: Ints
     """(superpixels) the part that each is in, or ``components.NONE``."""
+    whole: Ints
+    """(superpixels) what that is a part of, or ``components.NONE``."""
     look: Ints
     """(superpixels) the look that found it; 0 = none."""
     sure: Floats
@@ -127,27 +135,28 @@ def moving_parts(graph: Graph, objects: Objects) -> Moving:
     What a later look finds are parts of their own, whatever lies beside them.
     """
     look, seen = first_look(graph, objects.saliency)
-    part, sure = parts_of(graph, look, np.ones(len(graph.frame), np.bool_), objects)
-    found = Moving(look.value, look.score, part, 1 * (part != NONE), sure)
+    part, whole, sure = parts_of(graph, look, np.ones(len(graph.frame), np.bool_), objects)
+    found = Moving(look.value, look.score, part, whole, 1 * (part != NONE), sure)
     new = part != NONE
     while new.any():
         free = found.part == NONE
         rest = ~grown(graph, ~free, objects.selection.halo)
         look = look_again(graph, seen, rest, objects.saliency)
-        part, sure = parts_of(graph, look, free, objects)
+        part, whole, sure = parts_of(graph, look, free, objects)
         new = (part != NONE) & (sure >= objects.selection.sure)
         found = Moving(
             np.where(new, look.value, found.value),
             found.score,
             np.where(new, part, found.part),
+            np.where(new, whole, found.whole),
             np.where(new, found.look.max() + 1, found.look),
             np.where(new, sure, found.sure),
         )
     return found
 
 
-def parts_of(graph: Graph, look: Look, free: Bools, objects: Objects) -> tuple[Ints, Floats]:
-    """(superpixels) each: the part of the foreground of a look, or ``NONE``; mean score of that part over its life.
+def parts_of(graph: Graph, look: Look, free: Bools, objects: Objects) -> tuple[Ints, Ints, Floats]:
+    """(superpixels) each: part and whole of the foreground of a look, or ``NONE``; mean score of that part over its life.
 
     Parameters
     ----------
@@ -157,10 +166,11 @@ def parts_of(graph: Graph, look: Look, free: Bools, objects: Objects) -> tuple[I
     score = look.score[graph.frame]
     foreground = free & (look.value > 0) & (score >= objects.selection.score)
     smallest = objects.selection.smallest * graph.shape[0] * graph.shape[1]
-    part = tidy(foreground, partition(graph, foreground, objects.partition), graph.size, graph.edge, smallest)
+    whole, part = partition(graph, foreground, objects.partition)
+    part = tidy(foreground, part, graph.size, graph.edge, smallest)
     mine = part != NONE
     total, pixels = (np.bincount(part[mine], x[mine], len(part)) for x in (graph.size * score, graph.size))
-    return part, np.where(mine, (total / np.maximum(pixels, 1))[part], 0.0)
+    return part, np.where(mine, whole, NONE), np.where(mine, (total / np.maximum(pixels, 1))[part], 0.0)
 
 
 def grown(graph: Graph, nodes: Bools, steps: int) -> Bools:

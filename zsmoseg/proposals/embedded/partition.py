@@ -24,6 +24,10 @@ from zsmoseg.proposals.embedded.graph import Graph
 from zsmoseg.proposals.embedded.signed_graph import SignedGraph
 
 
+BLOCK = 16
+"""Frames of which pairs from afar are looked for at once."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Partition:
     """What attracts and what repels."""
@@ -36,13 +40,30 @@ class Partition:
     """Attraction of a pixel that the flow carries on, over that of one of a boundary. Halved or doubled it changes J by nothing."""
     part_share: float = 0.05
     """Smallest part that is one of its own, over the largest beside it. Halved or doubled it changes J by nothing."""
+    far_steps: int = 3
+    """Steps from neighbour to neighbour between superpixels that may repel each other from afar: flow bleeds over a border by two."""
+    far_ratio: float = 6.0
+    """Step of the flow over the median of such pairs in the frame's foreground from which they do."""
 
 
-def partition(graph: Graph, foreground: Bools, parameters: Partition) -> Ints:
-    """(superpixels) the part of the ``foreground`` (superpixels) that each is in; others are parts of their own."""
-    signed = signed_graph(graph, foreground, parameters)
-    part = chains(graph, foreground)  # far fewer nodes are left to contract
-    part = contract(part, signed.between(part))
+def partition(graph: Graph, foreground: Bools, parameters: Partition) -> tuple[Ints, Ints]:
+    """(superpixels) each: the whole, and the part of it, of the ``foreground`` (superpixels); others are parts of their own.
+
+    Neighbours hold a whole together. Where two things touch, flow bleeds over the border, and nowhere is there a step: so
+    pairs some superpixels apart repel each other where the flow differs, and part the whole once more. A limb may be such a
+    part, too: whether the parts move apart is not for them to say.
+
+    Source: lifted edges of Keuper et al., "Efficient decomposition of image and mesh graphs by lifted multicuts".
+    """
+    chained, near = chains(graph, foreground), signed_graph(graph, foreground, parameters)
+    far = near.joined(far_graph(graph, foreground, parameters))
+    whole, part = (_parts(chained, signed, graph, parameters) for signed in (near, far))
+    return whole, part
+
+
+def _parts(chained: Ints, signed: SignedGraph, graph: Graph, parameters: Partition) -> Ints:
+    # chains first: far fewer nodes are left to contract
+    part = contract(chained, signed.between(chained))
     return absorb(part, signed.between(part), graph.size, parameters.part_share)
 
 
@@ -56,15 +77,54 @@ def signed_graph(graph: Graph, foreground: Bools, parameters: Partition) -> Sign
     """
     edge = foreground[graph.edge].all(1) & graph.known[graph.frame[graph.edge[:, 0]]]
     link = foreground[graph.link].all(1)
-    step, frame = np.minimum(*graph.edge_flow)[edge], graph.frame[graph.edge[edge, 0]]
-    usual = np.array([np.median(part) if len(part) else 0.0 for part in _by_frame(step, frame, graph.frames)])
-    neutral = np.maximum(parameters.part_ratio * usual, parameters.part_least)[frame]
     boundary, carried = graph.boundary[edge], parameters.part_link * graph.carried[link]
+    agrees = agreement(graph, graph.edge[edge], parameters.part_ratio, parameters.part_least)
     return SignedGraph(
         np.concatenate([graph.edge[edge], graph.link[link]]),
-        np.r_[boundary * (1 - step / neutral), carried],
+        np.r_[boundary * agrees, carried],
         np.r_[boundary, carried],
     )
+
+
+def far_graph(graph: Graph, foreground: Bools, parameters: Partition) -> SignedGraph:
+    """What repels each other from afar: pairs of the ``foreground`` of a frame, ``far_steps`` from neighbour to neighbour apart.
+
+    Neutral is ``far_ratio`` times the median step of such pairs. Each crosses ``far_steps`` boundaries; where all are cut, they
+    weigh as much as these. None repels by more than its weight, so that no frame decides alone.
+    """
+    known = foreground & graph.known[graph.frame]
+    edge = known[graph.edge].all(1)
+    # some frames at a time: the pairs of a whole window that do not repel take several times its memory
+    blocks = np.split(
+        graph.edge[edge],
+        np.searchsorted(graph.frame[graph.edge[edge, 0]], np.arange(BLOCK, graph.frames, BLOCK)),
+    )
+    pair = np.concatenate([far_pairs(block, parameters.far_steps) for block in blocks])
+    agrees = agreement(graph, pair, parameters.far_ratio, parameters.part_least)
+    usual = graph.boundary[edge].sum() / max(len(pair) * parameters.far_steps, 1)
+    pair, agrees = pair[agrees < 0], agrees[agrees < 0]
+    return SignedGraph(pair, usual * np.maximum(agrees, -1), np.full(len(pair), usual))
+
+
+def agreement(graph: Graph, pair: Ints, ratio: float, least: float) -> Floats:
+    """(n) of pairs (n, 2) of one frame, frames ascending: 1 - step / neutral; neutral: ``ratio`` medians, ``least`` px at least."""
+    step, frame = np.minimum(*graph.steps(pair)), graph.frame[pair[:, 0]]
+    usual = np.array([np.median(part) if len(part) else 0.0 for part in _by_frame(step, frame, graph.frames)])
+    return np.asarray(1 - step / np.maximum(ratio * usual, least)[frame])
+
+
+def far_pairs(edge: Ints, steps: int) -> Ints:
+    """(n, 2) pairs of nodes that are just so many steps along edges (m, 2) apart, in order."""
+    node, local = np.unique(edge, return_inverse=True)
+    i, j = local.reshape(-1, 2).T
+    step = sp.csr_array((np.ones(2 * len(i), np.float32), (np.r_[i, j], np.r_[j, i])), (len(node), len(node)))
+    before = within = sp.eye_array(len(node), dtype=np.float32, format="csr")
+    for _ in range(steps):
+        before, within = within, within @ step + within
+        within.data[:] = 1
+    ring = sp.triu(within - before, 1).tocoo()
+    pair = np.stack([ring.row, ring.col], 1)[ring.data > 0]
+    return np.asarray(node[pair[np.lexsort((pair[:, 1], pair[:, 0]))]], np.int64)
 
 
 def _by_frame(x: Floats, frame: Ints, frames: int) -> list[Floats]:

@@ -20,6 +20,14 @@ class SignedGraph:
     contact: Floats
     """(n) px: the largest attraction that is possible."""
 
+    def joined(self, other: SignedGraph) -> SignedGraph:
+        """Its edges and those of another."""
+        return SignedGraph(
+            np.concatenate([self.pair, other.pair]),
+            np.r_[self.attraction, other.attraction],
+            np.r_[self.contact, other.contact],
+        )
+
     def between(self, part: Ints) -> SignedGraph:
         """The edges between the parts (superpixels) that superpixels are in, summed; the pairs in ascending order."""
         i, j = part[self.pair].T
