@@ -66,7 +66,9 @@ def still_moving(plan: VideoPlan, truth: Path) -> list[int] | None:
     size, seen = (len(area) - 1, area.shape[1]), read_visibility(statistics, shot)
     found = shot_affinity(lambda: iter(pairs), size, model, core.affinity, seen)
     grid = working_size(plan.probe, resolve().frames.width)
-    answer = group_shot(found, replace(pieces, area=area), velocity, np.arange(area.shape[1]), grid, core.groups)
+    answer = group_shot(
+        found, replace(pieces, area=area), velocity, np.arange(area.shape[1]), grid, core.groups
+    )
     return np.flatnonzero(answer.group).tolist()
 
 

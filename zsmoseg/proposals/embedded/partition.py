@@ -23,7 +23,6 @@ from zsmoseg.proposals.embedded.contraction import contract
 from zsmoseg.proposals.embedded.graph import Graph
 from zsmoseg.proposals.embedded.signed_graph import SignedGraph
 
-
 BLOCK = 16
 """Frames of which pairs from afar are looked for at once."""
 
