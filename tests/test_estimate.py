@@ -16,9 +16,9 @@ from runs import Counter, segment
 
 from zsmoseg.stores.location import Store
 from zsmoseg.workflows.planning import compiled, rates
-from zsmoseg.workflows.planning.estimate import Estimate, estimate, estimate_lines
+from zsmoseg.workflows.planning.estimate import EACH_PART, Estimate, estimate, estimate_lines
 from zsmoseg.workflows.planning.plan import VideoPlan
-from zsmoseg.workflows.planning.rates import Rates, Taken, Use, name_of, work
+from zsmoseg.workflows.planning.rates import Rates, Taken, Use, name_of, stored, work
 from zsmoseg.workflows.running.course import Course
 from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.progress import Lines, Tally, tally_lines
@@ -60,6 +60,7 @@ def watched(clip: Path, root: Path, monkeypatch: pytest.MonkeyPatch, **settings:
 def test_the_second_run_of_a_machine_is_estimated_by_the_first(
     height: int, width: int, frames: int, clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(rates, "LEAST", 0.1)
     first = watched(clip, tmp_path / "first", monkeypatch)
     assert not first.guess.measured
     other = write_folder(tmp_path / "other", draw_clip(3, frames, height, width)[0])
@@ -72,6 +73,28 @@ def test_the_second_run_of_a_machine_is_estimated_by_the_first(
     size = sum(path.stat().st_size for path in Path(store.path).rglob("*") if path.is_file())
     size += sum(p.stat().st_size for p in (tmp_path / "second" / "out").rglob("*") if p.is_file())
     assert size / 2 < second.guess.size < size * 2
+
+
+def test_a_thumbnail_tells_nothing_of_a_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clip = write_folder(tmp_path / "thumbnail", draw_clip(3, 6, 48, 64)[0])
+    before = watched(clip, tmp_path / "first", monkeypatch)
+    again = watched(clip, tmp_path / "second", monkeypatch)
+    assert not again.guess.measured
+    assert again.guess.seconds == pytest.approx(before.guess.seconds)
+    parts = sum(len(stage.parts) for stage in again.plans[0].stages.values())
+    assert again.guess.seconds > EACH_PART * parts, "what each part takes however small it is counts"
+
+
+def test_what_frames_leave_is_of_the_grid_and_what_they_take_of_the_picture(
+    clip: Path, tmp_path: Path
+) -> None:
+    _, counter = segment(clip, tmp_path)
+    (plan,) = counter.plans
+    large = replace(plan, probe=replace(plan.probe, width=4 * 854, height=4 * 480))
+    frames, masks = large.stages["frames"], large.stages["masks"]
+    assert work(large, frames, 1) == pytest.approx(16)
+    assert stored(large, frames, 1) == pytest.approx(1, rel=0.05)
+    assert stored(large, masks, 1) == work(large, masks, 1) == pytest.approx(16)
 
 
 def test_rates_are_those_of_the_same_settings_else_of_others_else_typical_at_the_speed_of_the_machine(

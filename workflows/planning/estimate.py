@@ -13,7 +13,7 @@ from zsmoseg.networks.references import contract_at
 from zsmoseg.stores import files
 from zsmoseg.workflows.planning.compiled import EACH
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
-from zsmoseg.workflows.planning.rates import Rate, Rates, Use, work
+from zsmoseg.workflows.planning.rates import Rate, Rates, Use, stored, work
 from zsmoseg.workflows.stage import working_size
 from zsmoseg.workflows.wording import counted, duration, megabytes
 
@@ -21,6 +21,8 @@ PROCESS = 350e6
 """Bytes of a worker that has loaded and compiled everything, and holds nothing (``benchmarks/stage_memory.py``)."""
 SHOWN = 12
 """Bytes a pixel of the displayed size that every task may take: some frames as they are decoded."""
+EACH_PART = 0.013
+"""Seconds that a part takes however small it is (12 frames of 48 x 64 in 31 parts: 0.41 s)."""
 RESERVE = 64 * 2**20
 """Bytes of the disk that are left alone."""
 
@@ -107,12 +109,13 @@ def estimate(plans: Sequence[VideoPlan], rates: Rates) -> Estimate:
             if not stage.todo:
                 continue
             rate, frames = rates.of(stage), work(plan, stage, stage.frames_todo)
+            overhead = EACH_PART * len(stage.todo)
             longest = max(part_seconds(plan, stage, part, rate) for part in stage.todo)
-            chain += rate.wall * frames if stage.stage.follows else longest
+            chain += rate.wall * frames + overhead if stage.stage.follows else longest
             guess += Estimate(
-                rate.processor * frames,
-                rate.wall * frames,
-                size=int(rate.size * frames),
+                rate.processor * frames + overhead,
+                rate.wall * frames + overhead,
+                size=int(rate.size * stored(plan, stage, stage.frames_todo)),
                 measured=rate.measured,
                 compiles=rates.missing(stage.stage.task.__module__),
             )
@@ -123,7 +126,7 @@ def estimate(plans: Sequence[VideoPlan], rates: Rates) -> Estimate:
 def part_seconds(plan: VideoPlan, stage: StagePlan, part: int, rate: Rate) -> float:
     """What one part takes by the clock, at the rate of its stage."""
     start, stop = stage.parts[part]
-    return rate.wall * work(plan, stage, stop - start)
+    return rate.wall * work(plan, stage, stop - start) + EACH_PART
 
 
 def refuse_full_disk(store: PurePath, guess: Estimate) -> None:

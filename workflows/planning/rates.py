@@ -33,6 +33,8 @@ STARTING = {"serial": 0.0, "local": 2.5}
 """Seconds until an executor is there, where they were not measured."""
 LOADING = {"serial": 0.5, "local": 2.5}
 """Seconds that its processes then take to load what tasks need."""
+LEAST = 1.0
+"""Frames of 480p from which a part tells a rate: of a smaller one its own overhead is most."""
 LONG = 10.0
 """Seconds that tasks must have taken for a run to tell how well workers are used."""
 
@@ -128,8 +130,9 @@ class Rates:
         return self.uncompiled[module]
 
     def add(self, stage: StagePlan, taken: Taken) -> None:
-        """Count a part of this run."""
-        self.new.setdefault(name_of(stage), Taken()).add(taken)
+        """Count a part of this run, unless it is too small to tell anything."""
+        if not 0 < taken.work < LEAST:
+            self.new.setdefault(name_of(stage), Taken()).add(taken)
 
     def sized(self, stage: StagePlan, taken: Taken) -> None:
         """Count the bytes of an artifact of which parts were computed in this run."""
@@ -174,8 +177,16 @@ def place() -> PurePath:
 
 def work(plan: VideoPlan, stage: StagePlan, frames: int) -> float:
     """How many frames of 480p as many frames of this video are to a stage: by what it works on, the grid or what is shown."""
-    probe, memory = plan.probe, stage.stage.memory
-    if memory.shown or stage.stage.output or stage.stage.name == "frames":
+    probe = plan.probe
+    if stage.stage.name == "frames":
+        return frames * probe.width * probe.height / DISPLAYED
+    return stored(plan, stage, frames)
+
+
+def stored(plan: VideoPlan, stage: StagePlan, frames: int) -> float:
+    """The same by what it leaves: the stage ``frames`` looks at what is shown, and leaves the grid."""
+    probe = plan.probe
+    if stage.stage.memory.shown or stage.stage.output:
         return frames * probe.width * probe.height / DISPLAYED
     height, width = working_size(probe, plan.stages["frames"].given.frames.width)
     return frames * height * width / GRID
