@@ -192,12 +192,13 @@ class Artifact:
     # ------------------------------------------------------------------ taking back, neighbours
     def unseal(self) -> None:
         """Take back that the whole is done, then its face for readers; the records of the parts stand alone again."""
-        folder, done = Folder(self.path), Folder(self.path).record(DONE)
-        for name, record in (done or {}).get("parts", {}).items():
-            if name.isdigit():  # no other is that of a part
-                folder.put(name, record)
-        folder.drop(DONE)
-        folder.remove("zarr.json")
+        with files.no_look():  # another may have taken it back since, and one of its parts
+            folder, done = Folder(self.path), Folder(self.path).record(DONE)
+            for name, record in (done or {}).get("parts", {}).items():
+                if name.isdigit():  # no other is that of a part
+                    folder.put(name, record)
+            folder.drop(DONE)
+            folder.remove("zarr.json")
 
     def invalidate(self, parts: Sequence[int]) -> None:
         """Take back the records of ``parts``; before them, that the whole is done, and its face for readers.

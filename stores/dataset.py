@@ -21,7 +21,7 @@ def open_dataset(artifact: Artifact) -> xr.Dataset:
     StoreError
         If anything is missing or has another size than was written: missing data would read as fill values. Content
         is compared with its checksum when it is read: a file is ``vouched``, and Zarr raises a ``ValueError`` where a
-        piece of a shard differs; ``zsmoseg verify`` names the file, the next run makes it again.
+        piece of a shard differs; ``zsmoseg repair`` takes the file back, and the next run makes it again.
     """
     import xarray as xr
 
@@ -35,6 +35,8 @@ def open_dataset(artifact: Artifact) -> xr.Dataset:
     place = files.zip_store(artifact.archive) if artifact.packed else vouched(artifact)
     try:
         found: xr.Dataset = xr.open_zarr(place, chunks=None)
+    except StoreError:
+        raise
     # coordinates are read at once, and Zarr, its codecs and zipfile raise their own
     except Exception as error:
         raise StoreError(f"{artifact.path}: cannot be opened ({error}); {AGAIN}") from error

@@ -7,6 +7,7 @@ shards of other settings, or of another video, have often the same shape and len
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import PurePath
 from typing import Any, Self
 
 from zarr.abc.store import ByteRequest, Store
@@ -15,7 +16,7 @@ from zarr.storage import StorePath, WrapperStore
 
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
-from zsmoseg.stores.artifact import AGAIN, Artifact
+from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.checks import Expected
 
 
@@ -26,18 +27,20 @@ def vouched(artifact: Artifact) -> StorePath:
         record = artifact.part(part)
         expected |= record.files if record else {}
     place = files.zarr_store(artifact.path)
-    return StorePath(Vouched(place.store, place.path, expected), place.path)
+    return StorePath(Vouched(place.store, place.path, artifact.path, expected), place.path)
 
 
 class Vouched(WrapperStore[Store]):
-    """``store``, in which the files below ``folder`` have to be as ``expected``; pieces of a file are not compared."""
+    """``store``, in which the files below ``folder``, called ``path`` by users, have to be as ``expected``; pieces of a file are
+    not compared.
+    """
 
-    def __init__(self, store: Store, folder: str, expected: Expected) -> None:
+    def __init__(self, store: Store, folder: str, path: PurePath, expected: Expected) -> None:
         super().__init__(store)
-        self._folder, self._expected = folder, expected
+        self._folder, self._path, self._expected = folder, path, expected
 
     def _with_store(self, store: Store) -> Self:
-        return type(self)(store, self._folder, self._expected)
+        return type(self)(store, self._folder, self._path, self._expected)
 
     async def get(
         self, key: str, prototype: BufferPrototype, byte_range: ByteRequest | None = None
@@ -53,8 +56,8 @@ class Vouched(WrapperStore[Store]):
         name = key[len(self._folder) :].lstrip("/")
         told: Any = self._expected.get(name) if byte_range is None else None
         if told and (found is None or files.crc32(found.to_bytes()) != told["crc32"]):
-            raise StoreError(f"{self}/{key}: has other content than was written; {AGAIN}")
+            raise StoreError(
+                f"{self._path / name}: has other content than was written; zsmoseg repair takes it back, and the "
+                "next run makes it again"
+            )
         return found
-
-    def __str__(self) -> str:
-        return str(self._store).removeprefix("file://")

@@ -15,6 +15,7 @@ import pytest
 from conftest import draw_clip, write_folder
 
 from zsmoseg.workflows.cli import COMMANDS, main
+from zsmoseg.workflows.running import cluster
 
 QUICK = ["--scheduler", "serial"]
 
@@ -408,8 +409,13 @@ REFUSED = {
 
 @pytest.mark.parametrize("why", REFUSED)
 def test_a_run_that_is_refused_leaves_no_store_and_takes_none_away(
-    why: str, done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    why: str,
+    done: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(cluster, "CONNECT", 0.5)
     if why == "output":
         (tmp_path / "out" / "disc").mkdir(parents=True)
         (tmp_path / "out" / "disc" / "holiday.png").write_bytes(b"x")

@@ -267,8 +267,10 @@ class Dask:
     def _look(self, every: float) -> None:
         if time.monotonic() - self._looked < every:
             return
-        self._watch(self._present())
-        self._drop_late()
+        present = self._present()
+        self._watch(present)
+        if present is not None:  # who does not answer need not be asked for more
+            self._drop_late()
         while self._lost:
             self._notify(self._lost.pop())
 

@@ -54,10 +54,10 @@ def read_tracks(path: Path) -> PointTracks:
 _READER = """
 import sys, numpy, scipy.io
 try:
-    from resource import RLIMIT_AS, setrlimit
-    setrlimit(RLIMIT_AS, (1 << 32, 1 << 32))
-except ImportError:  # Windows
-    pass
+    from resource import RLIMIT_AS, getrlimit, setrlimit
+    setrlimit(RLIMIT_AS, (1 << 32, getrlimit(RLIMIT_AS)[1]))
+except (ImportError, ValueError, OSError):
+    pass  # Windows has none, others have a lower one
 try:
     data = scipy.io.loadmat(sys.argv[1], simplify_cells=True)["Data"]
     found = dict(points=data["ySparse"], visible=data["visibleSparse"], label=data["GtLabel"])
