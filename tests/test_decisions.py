@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from zsmoseg.grouping.affinity import shot_affinity
+from zsmoseg.grouping.affinity import ShotAffinity, shot_affinity
 from zsmoseg.grouping.core import Core, group_arrays, shot_pairs
 from zsmoseg.grouping.decisions import BORDER, Reason
 from zsmoseg.grouping.groups import ShotGroups, group_shot
 from zsmoseg.grouping.instances import movers_torn_from
-from zsmoseg.grouping.pieces import measure_pieces
+from zsmoseg.grouping.pieces import Pieces, measure_pieces
 from zsmoseg.grouping.remarks import NO_WORLD, NOTHING, RESTING, together
 from zsmoseg.motion.models import MODELS
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import flow_scene
 from zsmoseg.workflows.sentences import MOVES, RESTS, of_piece
+from zsmoseg.workflows.stages.embedded.objects import wholes_of
 from zsmoseg.workflows.wording import counted
 
 CHOICES: list[dict[str, Any]] = [
@@ -132,6 +133,47 @@ def test_what_is_torn_off_moves_with_its_mover_and_its_reason_is_told() -> None:
     assert (torn.moving[:, still] == torn.moving[:, mover]).all()
     assert torn.reason[still] == Reason.TORN
     assert torn.reason[mover] == Reason.EVIDENCE
+
+
+def test_what_is_torn_off_joins_no_two_instances(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scrap of one car between two cars that move alike."""
+    affinity = np.array([[1.0, 0.1, 0.1, 0.6], [0.1, 1, 0.9, 0.5], [0.1, 0.9, 1, 0.5], [0.6, 0.5, 0.5, 1]])
+    found = ShotAffinity(
+        affinity=affinity,
+        agreement=affinity[None],
+        together=np.ones((1, 4, 4)),
+        pairs=np.full((4, 4), 9),
+        static=np.array([True, False, False, True]),
+        excess=np.tile([0.0, 9, 9, 0.6], (9, 1)),
+        tolerance=np.ones((9, 4)),
+        weight=np.ones((9, 4)),
+    )
+    box = np.array([[np.nan] * 4, [0, 0, 40, 40], [300, 0, 340, 40], [45, 0, 295, 10]], np.float32)
+    pieces = Pieces(
+        np.tile(np.int32([1, 1600, 1500, 900]), (10, 1)), np.tile(box, (10, 1, 1)), np.ones((4, 8), np.int64)
+    )
+    for count in ("auto", 2):
+        grouping = resolve(overrides={"groups.count": count}).parameters(Core).groups
+        answer = group_shot(found, pieces, np.zeros((2, 4, 2)), np.array([0, 1, 2, 1]), (120, 400), grouping)
+        assert answer.group.tolist() == [0, 1, 1, 1], count
+        assert answer.instance.tolist() == [0, 1, 2, 1], count
+        assert answer.reason[3] == Reason.TORN
+
+
+@pytest.mark.parametrize(
+    ("together", "first", "last", "expected"),
+    [
+        ({}, 1, 3, [1, 2, 3]),
+        ({(1, 7): 5, (2, 7): 9, (3, 8): 2}, 1, 3, [2, 2, 3]),
+        ({(4, 1): 5, (5, 1): 5, (5, 2): 4}, 4, 6, [4, 4, 6]),
+        ({(1, 1): 3, (1, 2): 6, (2, 2): 4, (3, 1): 1}, 1, 3, [1, 1, 3]),
+    ],
+    ids=["nothing", "two of three", "a tie, a later shot", "most counts"],
+)
+def test_a_whole_is_called_by_its_largest_object(
+    together: dict[tuple[int, int], int], first: int, last: int, expected: list[int]
+) -> None:
+    assert wholes_of(together, first, last).tolist() == expected
 
 
 def test_one_is_not_many() -> None:

@@ -7,12 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from zsmoseg.proposals.embedded import objects as objects_module
 from zsmoseg.proposals.embedded.absorption import absorb
 from zsmoseg.proposals.embedded.components import NONE, tidy
 from zsmoseg.proposals.embedded.contraction import contract
 from zsmoseg.proposals.embedded.graph import Graph
 from zsmoseg.proposals.embedded.identities import Identities
-from zsmoseg.proposals.embedded.partition import Partition, chains, far_pairs, partition, signed_graph
+from zsmoseg.proposals.embedded.objects import Objects as Parameters
+from zsmoseg.proposals.embedded.objects import moving_parts
+from zsmoseg.proposals.embedded.partition import (
+    Partition,
+    apart_graph,
+    chains,
+    far_pairs,
+    partition,
+    signed_graph,
+)
+from zsmoseg.proposals.embedded.saliency import Look
 from zsmoseg.proposals.embedded.signed_graph import SignedGraph
 from zsmoseg.settings import Objects
 
@@ -143,6 +154,47 @@ def test_where_flow_bleeds_over_the_border_two_movers_are_one_whole_and_two_part
     assert (halves[0] != halves[1]) == (parts == 2)
 
 
+@pytest.mark.parametrize("apart", [False, True], ids=["one behind a pole", "two"])
+def test_what_moved_apart_before_it_touched_is_two(apart: bool) -> None:
+    """From frame 6 on the two move alike and touch; before that they come towards each other, or a pole hides where they touch."""
+    frames, velocity = [], []
+    for t in range(12):
+        frame = np.full((8, 44), BACKGROUND)
+        early, right = t < 6, 8 + t
+        if early and apart:
+            right = 8 + 6 + (6 - t)
+        frame[2:6, 2 + t : 8 + t - early] = 0
+        frame[2:6, right : right + 5] = 1
+        frames.append(frame)
+        velocity.append(np.array([[8.0, 0], [-8.0 if early and apart else 8.0, 0], [0, 0]]))
+    w, shown = scene(frames, velocity), thing(frames)
+    whole, part = (x[shown != BACKGROUND] for x in partition(w, shown != BACKGROUND, S))
+    assert (len(set(whole.tolist())), len(set(part.tolist()))) == (1, 1 + apart)
+    of = shown[shown != BACKGROUND]
+    assert (part[of == 0][0] != part[of == 1][0]) == apart
+    nothing = apart_graph(w, np.zeros(len(shown), np.bool_), S)
+    assert nothing.pair.shape == (0, 2)
+
+
+def test_parts_of_two_looks_have_numbers_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What stood for a part may be dropped as too small, and stand for another in the next look."""
+    frame = np.array([[0, 0, BACKGROUND, 1, 1, BACKGROUND]])
+    w = scene([frame] * 2, [np.zeros((3, 2))] * 2)
+    looks = iter([np.array([1, 1, 0, 0, 0, 0] * 2), np.array([0, 0, 0, 1, 1, 0] * 2)])
+
+    def look(*given: object) -> Look:
+        return Look(np.where(next(looks, np.zeros(12)) > 0, 1.0, -1.0), np.ones(2))
+
+    monkeypatch.setattr(objects_module, "first_look", lambda *given: (look(), None))
+    monkeypatch.setattr(objects_module, "look_again", look)
+    same = lambda graph, foreground, parameters: (np.full(12, 5), np.full(12, 5))  # noqa: E731
+    monkeypatch.setattr(objects_module, "partition", same)
+    found = moving_parts(w, Objects().parameters(Parameters))
+    assert found.look.tolist() == [1, 1, 0, 2, 2, 0] * 2
+    assert found.part[0] != found.part[3]
+    assert found.whole[0] != found.whole[3]
+
+
 def test_pairs_from_afar_are_just_so_many_steps_apart() -> None:
     row = np.stack([np.arange(5), np.arange(1, 6)], 1)  # 0 - 1 - 2 - 3 - 4 - 5, and a shortcut
     assert far_pairs(row, 3).tolist() == [[0, 3], [1, 4], [2, 5]]
@@ -204,6 +256,8 @@ def test_slow_noise_parts_nothing_and_a_step_of_one_frame_neither() -> None:
     assert len(found(scene([frame] * 8, flow), [frame] * 8)[0]) == 1
     flow[4][:, 6:] += 3
     assert len(found(scene([frame] * 8, flow), [frame] * 8)[0]) == 1
+    flow[4][:, 6:] += 1  # of eight frames one is much
+    assert len(found(scene([frame] * 16, flow + flow[:4] + flow[5:] + flow[:1]), [frame] * 16)[0]) == 1
 
 
 def test_between_repeats_only_links_attract() -> None:

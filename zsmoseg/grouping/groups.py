@@ -51,9 +51,9 @@ class ShotGroups:
     instance: Labels
     """(N,) the largest object of the instance that it belongs to; 0 = static."""
     moving: NDArray[np.bool_]
-    """(T, N) whether an object moves at a frame."""
+    """(T, N) whether an object moves at a frame; what was torn off a mover moves when that does."""
     margin: NDArray[np.float32]
-    """(T, N) ln of the odds against the static world, NaN = unknown."""
+    """(T, N) ln of its own odds against the static world, NaN = unknown."""
     excess: Floats
     """(N,) px, what one motion for an object and the static world costs, mean over the pairs; NaN = unknown."""
     tolerance: Floats
@@ -95,23 +95,23 @@ def group_shot(
         chosen = members(found, seen, support, grouping.membership)
         near = near_to(chosen.strong | chosen.open)
         group = linked_groups(found, chosen, near, support, grouping.membership)
-        if grouping.count == "auto":
-            home = movers_torn_from(group, whole, found.affinity, support)
-            group = group[home]
+        home = movers_torn_from(group, whole, found.affinity, support)
         torn = home != np.arange(len(home))
-        reason = reasons_of_linkage(found, chosen, group, torn, world, grouping.membership)
+        reason = reasons_of_linkage(found, chosen, group[home], torn, world, grouping.membership)
     elif grouping.rule == "spectral":
         group = spectral_groups(found.affinity, area, grouping.count, grouping.spectral)
         near, reason = near_to(group > 0), np.full_like(group, Reason.CLUSTERS)
     else:
         group = kept_groups(support, grouping.count)
         near, reason = near_to(group > 0), reasons_of_kept(group, grouping.count)
-    group = renumbered(group, support)
+    # before what was torn off goes back: it joins one instance, and joins no two
+    instance = connected(group, near.distance <= 1, support)[home]
+    group = renumbered(group[home], support)
     by_pair, against = found.excess / found.tolerance, excess / tolerance
     moving, margin = motion_state(by_pair, against, group, len(pieces.area), grouping.hysteresis)
     return ShotGroups(
         group,
-        connected(group, near.distance <= 1, support)[home],
+        instance,
         moving[:, home] & seen,
         margin,
         excess,

@@ -142,7 +142,7 @@ def _held(s: Sections) -> int:
 
 STAGE = Stage(
     "objects",
-    6,
+    7,
     task,
     Inputs,
     Sections,

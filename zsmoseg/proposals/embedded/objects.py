@@ -137,8 +137,9 @@ def moving_parts(graph: Graph, objects: Objects) -> Moving:
     look, seen = first_look(graph, objects.saliency)
     part, whole, sure = parts_of(graph, look, np.ones(len(graph.frame), np.bool_), objects)
     found = Moving(look.value, look.score, part, whole, 1 * (part != NONE), sure)
-    new = part != NONE
+    new, count, looks = part != NONE, len(graph.frame), 0
     while new.any():
+        looks += 1
         free = found.part == NONE
         rest = ~grown(graph, ~free, objects.selection.halo)
         look = look_again(graph, seen, rest, objects.saliency)
@@ -147,9 +148,10 @@ def moving_parts(graph: Graph, objects: Objects) -> Moving:
         found = Moving(
             np.where(new, look.value, found.value),
             found.score,
-            np.where(new, part, found.part),
-            np.where(new, whole, found.whole),
-            np.where(new, found.look.max() + 1, found.look),
+            # numbers of their own: what stands for a part of one look may be free, and stand for another's, in the next
+            np.where(new, part + looks * count, found.part),
+            np.where(new, whole + looks * count, found.whole),
+            np.where(new, looks + 1, found.look),
             np.where(new, sure, found.sure),
         )
     return found

@@ -12,14 +12,19 @@ multicuts", ICCV 2015, and "Motion trajectory segmentation via minimum cost mult
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.ndimage import median
 from scipy.sparse.csgraph import connected_components
 
 from zsmoseg.proposals.embedded.absorption import absorb
 from zsmoseg.proposals.embedded.aliases import Bools, Floats, Ints
+from zsmoseg.proposals.embedded.components import components
 from zsmoseg.proposals.embedded.contraction import contract
+from zsmoseg.proposals.embedded.features_loops import U, V
 from zsmoseg.proposals.embedded.graph import Graph
 from zsmoseg.proposals.embedded.signed_graph import SignedGraph
 
@@ -49,21 +54,21 @@ def partition(graph: Graph, foreground: Bools, parameters: Partition) -> tuple[I
     """(superpixels) each: the whole, and the part of it, of the ``foreground`` (superpixels); others are parts of their own.
 
     Neighbours hold a whole together. Where two things touch, flow bleeds over the border, and nowhere is there a step: so
-    pairs some superpixels apart repel each other where the flow differs, and part the whole once more. A limb may be such a
-    part, too: whether the parts move apart is not for them to say.
+    pairs some superpixels apart repel each other where the flow differs, and so do pieces of one frame with background
+    between them; both part the wholes once more. A limb may be such a part, too: whether parts move apart is not for them
+    to say.
 
     Source: lifted edges of Keuper et al., "Efficient decomposition of image and mesh graphs by lifted multicuts".
     """
     chained, near = chains(graph, foreground), signed_graph(graph, foreground, parameters)
-    far = near.joined(far_graph(graph, foreground, parameters))
-    whole, part = (_parts(chained, signed, graph, parameters) for signed in (near, far))
+    lifted = near.joined(far_graph(graph, foreground, parameters)).joined(
+        apart_graph(graph, foreground, parameters)
+    )
+    whole, part = (
+        contract(chained, signed.between(chained)) for signed in (near, lifted)
+    )  # chains: far fewer nodes
+    whole, part = (absorb(x, near.between(x), graph.size, parameters.part_share) for x in (whole, part))
     return whole, part
-
-
-def _parts(chained: Ints, signed: SignedGraph, graph: Graph, parameters: Partition) -> Ints:
-    # chains first: far fewer nodes are left to contract
-    part = contract(chained, signed.between(chained))
-    return absorb(part, signed.between(part), graph.size, parameters.part_share)
 
 
 def signed_graph(graph: Graph, foreground: Bools, parameters: Partition) -> SignedGraph:
@@ -89,7 +94,7 @@ def far_graph(graph: Graph, foreground: Bools, parameters: Partition) -> SignedG
     """What repels each other from afar: pairs of the ``foreground`` of a frame, ``far_steps`` from neighbour to neighbour apart.
 
     Neutral is ``far_ratio`` times the median step of such pairs. Each crosses ``far_steps`` boundaries; where all are cut, they
-    weigh as much as these. None repels by more than its weight, so that no frame decides alone.
+    weigh as much as these, and repel by no more than that.
     """
     known = foreground & graph.known[graph.frame]
     edge = known[graph.edge].all(1)
@@ -105,11 +110,51 @@ def far_graph(graph: Graph, foreground: Bools, parameters: Partition) -> SignedG
     return SignedGraph(pair, usual * np.maximum(agrees, -1), np.full(len(pair), usual))
 
 
+def apart_graph(graph: Graph, foreground: Bools, parameters: Partition) -> SignedGraph:
+    """What repels each other across the background: connected pieces of the ``foreground`` of a frame, by their median flow.
+
+    Two things that touch at last are two if they moved apart before. Neutral is that of neighbours. A pair weighs what its
+    contact might be, the side of the smaller piece, and repels by no more. Each piece is stood for by the superpixel whose flow is
+    most like its median.
+    """
+    known = foreground & graph.known[graph.frame]
+    node = np.flatnonzero(known)
+    if not len(node):
+        return SignedGraph(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0))
+    piece = np.unique(components(known, graph.edge)[node], return_inverse=True)[1].ravel()
+    number = np.arange(piece.max() + 1)
+    flow = np.concatenate([graph.forward[node][:, [U, V]], graph.backward[node][:, [U, V]]], 1)
+    middle = np.stack([median(x, piece, number) for x in flow.T], 1)
+    alike = np.lexsort((np.abs(flow - middle[piece]).sum(1), piece))
+    stand = node[alike[np.searchsorted(piece[alike], number)]]
+    side = np.sqrt(np.bincount(piece, graph.size[node]))
+    pairs = [
+        here[np.stack(np.triu_indices(len(here), 1), 1)]
+        for here in _by_frame(number, graph.frame[stand], graph.frames)
+    ]
+    i, j = np.concatenate(pairs).T
+    apart = middle[i] - middle[j]
+    step = np.minimum(np.hypot(*apart[:, :2].T), np.hypot(*apart[:, 2:].T))
+    neutral = neutral_steps(
+        graph, graph.edge[known[graph.edge].all(1)], parameters.part_ratio, parameters.part_least
+    )
+    agrees = 1 - step / neutral[graph.frame[stand[i]]]
+    i, j, agrees = i[agrees < 0], j[agrees < 0], agrees[agrees < 0]
+    weight = np.minimum(side[i], side[j])
+    return SignedGraph(np.stack([stand[i], stand[j]], 1), weight * np.maximum(agrees, -1), weight)
+
+
+def neutral_steps(graph: Graph, pair: Ints, ratio: float, least: float) -> Floats:
+    """(F) step of the flow at which the pairs (n, 2) of a frame, frames ascending, do not care: ``ratio`` medians, ``least`` px at least."""
+    step = np.minimum(*graph.steps(pair))
+    parts = _by_frame(step, graph.frame[pair[:, 0]], graph.frames)
+    return np.maximum(ratio * np.array([np.median(part) if len(part) else 0.0 for part in parts]), least)
+
+
 def agreement(graph: Graph, pair: Ints, ratio: float, least: float) -> Floats:
-    """(n) of pairs (n, 2) of one frame, frames ascending: 1 - step / neutral; neutral: ``ratio`` medians, ``least`` px at least."""
-    step, frame = np.minimum(*graph.steps(pair)), graph.frame[pair[:, 0]]
-    usual = np.array([np.median(part) if len(part) else 0.0 for part in _by_frame(step, frame, graph.frames)])
-    return np.asarray(1 - step / np.maximum(ratio * usual, least)[frame])
+    """(n) of pairs (n, 2) of one frame, frames ascending: 1 - step / neutral."""
+    neutral = neutral_steps(graph, pair, ratio, least)
+    return np.asarray(1 - np.minimum(*graph.steps(pair)) / neutral[graph.frame[pair[:, 0]]])
 
 
 def far_pairs(edge: Ints, steps: int) -> Ints:
@@ -126,7 +171,7 @@ def far_pairs(edge: Ints, steps: int) -> Ints:
     return np.asarray(node[pair[np.lexsort((pair[:, 1], pair[:, 0]))]], np.int64)
 
 
-def _by_frame(x: Floats, frame: Ints, frames: int) -> list[Floats]:
+def _by_frame(x: NDArray[Any], frame: Ints, frames: int) -> list[NDArray[Any]]:
     """``x`` cut into frames, which ascend."""
     return np.split(x, np.searchsorted(frame, np.arange(1, frames)))
 
