@@ -131,6 +131,8 @@ def main() -> None:
     print(
         "| constant | default | half, double | half | double |\n| --- | --- | --- | --- | --- |", flush=True
     )
+    without = {"affinity.geometry": False}
+    print(f"| without it | | | {row(kitti, out, False, without)} | |", flush=True)
     print(f"| as it is | | | {row(kitti, out, False, {})} | |", flush=True)
     for name, value in ((n, defaults()[n]) for n in LIMITS):
         found = [row(kitti, out, False, {name: other}) for other in (value / 2, value * 2)]

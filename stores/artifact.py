@@ -192,13 +192,12 @@ class Artifact:
     # ------------------------------------------------------------------ taking back, neighbours
     def unseal(self) -> None:
         """Take back that the whole is done, then its face for readers; the records of the parts stand alone again."""
-        with files.no_look():  # another may have taken it back since, and one of its parts
-            folder, done = Folder(self.path), Folder(self.path).record(DONE)
-            for name, record in (done or {}).get("parts", {}).items():
-                if name.isdigit():  # no other is that of a part
-                    folder.put(name, record)
-            folder.drop(DONE)
-            folder.remove("zarr.json")
+        folder, done = Folder(self.path), Folder(self.path).record(DONE)
+        for name, record in (done or {}).get("parts", {}).items():
+            if name.isdigit():  # no other is that of a part
+                folder.put(name, record)
+        folder.drop(DONE)
+        folder.remove("zarr.json")
 
     def invalidate(self, parts: Sequence[int]) -> None:
         """Take back the records of ``parts``; before them, that the whole is done, and its face for readers.
@@ -206,11 +205,12 @@ class Artifact:
         Data and metadata of arrays stay; without ``zarr.json`` nobody opens by mistake what is not whole. Of an
         artifact that is one file nothing stays.
         """
-        if parts and self.packed:
-            files.remove(self.archive)
-        for part in parts:
-            self.unseal()
-            Folder(self.path).drop(part_name(part))
+        with files.no_look(), files.glancing_at(self.path.parent):  # another may have taken it, or other parts, back
+            if parts and self.packed:
+                files.remove(self.archive)
+            for part in parts:
+                self.unseal()
+                Folder(self.path).drop(part_name(part))
 
     def siblings(self) -> list[Artifact]:
         """The artifacts of this stage and video with any settings, the one written last first."""

@@ -20,19 +20,19 @@ def open_dataset(artifact: Artifact) -> xr.Dataset:
     ------
     StoreError
         If anything is missing or has another size than was written: missing data would read as fill values. Content
-        is compared with its checksum when it is read: a file is ``vouched``, and Zarr raises a ``ValueError`` where a
+        is compared with its checksum when it is read: of a file by ``compared``, and Zarr raises a ``ValueError`` where a
         piece of a shard differs; ``zsmoseg repair`` takes the file back, and the next run makes it again.
     """
     import xarray as xr
 
-    from zsmoseg.stores.vouched import vouched
+    from zsmoseg.stores.compared import compared
 
     problems = [problem for part in range(len(artifact.parts)) if (problem := part_problem(artifact, part))]
     if not problems and artifact.parts and (problem := joined_problem(artifact)):
         problems = [problem]
     if problems or not artifact.parts:
         raise StoreError(f"{artifact.path}: {(problems or ['nothing here'])[0]}; {AGAIN}")
-    place = files.zip_store(artifact.archive) if artifact.packed else vouched(artifact)
+    place = files.zip_store(artifact.archive) if artifact.packed else compared(artifact)
     try:
         found: xr.Dataset = xr.open_zarr(place, chunks=None)
     except StoreError:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import draw_clip, write_folder
+from runs import segment
 
+from zsmoseg import open_store
 from zsmoseg.grouping.affinity import ShotAffinity, shot_affinity
 from zsmoseg.grouping.core import Core, group_arrays, shot_pairs
 from zsmoseg.grouping.decisions import BORDER, Reason
@@ -20,7 +24,9 @@ from zsmoseg.motion.models import MODELS
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import flow_scene
 from zsmoseg.workflows.sentences import MOVES, RESTS, of_piece
+from zsmoseg.workflows.stages.embedded import objects as embedded
 from zsmoseg.workflows.stages.embedded.objects import wholes_of
+from zsmoseg.workflows.stages.motion import groups as stage
 from zsmoseg.workflows.wording import counted
 
 CHOICES: list[dict[str, Any]] = [
@@ -174,6 +180,27 @@ def test_a_whole_is_called_by_its_largest_object(
     together: dict[tuple[int, int], int], first: int, last: int, expected: list[int]
 ) -> None:
     assert wholes_of(together, first, last).tolist() == expected
+
+
+def test_the_grouping_of_every_shot_is_told_the_wholes_of_its_objects(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[np.ndarray] = []
+
+    def note(found: ShotAffinity, pieces: Pieces, velocity: np.ndarray, whole: np.ndarray, *more: Any) -> Any:
+        told.append(whole)
+        return group_shot(found, pieces, velocity, whole, *more)
+
+    monkeypatch.setattr(embedded, "wholes_of", lambda _, first, last: np.full(last + 1 - first, last))
+    monkeypatch.setattr(stage, "group_shot", note)
+    frames = np.concatenate([draw_clip(seed, 6, 96, 128)[0] for seed in (0, 3)])
+    segment(write_folder(tmp_path / "two", frames), tmp_path, until=["groups"])
+    tree = open_store(tmp_path / "store")["two"].tree
+    lasts = tree["objects/last_object"].values.tolist()
+    assert len(lasts) == len(told) == 2
+    assert 0 < lasts[0] < lasts[1]
+    for whole, first, last in zip(told, [0, lasts[0]], lasts, strict=True):
+        assert whole.tolist() == [0, *[last] * (last - first)]
 
 
 def test_one_is_not_many() -> None:

@@ -18,7 +18,7 @@ from zsmoseg.stores.location import Store
 from zsmoseg.workflows.planning import compiled, rates
 from zsmoseg.workflows.planning.estimate import EACH_PART, Estimate, estimate, estimate_lines
 from zsmoseg.workflows.planning.plan import VideoPlan
-from zsmoseg.workflows.planning.rates import Rates, Taken, Use, name_of, stored, work
+from zsmoseg.workflows.planning.rates import Rates, Taken, Use, kept_work, name_of, work
 from zsmoseg.workflows.running.course import Course
 from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.progress import Lines, Tally, tally_lines
@@ -93,8 +93,8 @@ def test_what_frames_leave_is_of_the_grid_and_what_they_take_of_the_picture(
     large = replace(plan, probe=replace(plan.probe, width=4 * 854, height=4 * 480))
     frames, masks = large.stages["frames"], large.stages["masks"]
     assert work(large, frames, 1) == pytest.approx(16)
-    assert stored(large, frames, 1) == pytest.approx(1, rel=0.05)
-    assert stored(large, masks, 1) == work(large, masks, 1) == pytest.approx(16)
+    assert kept_work(large, frames, 1) == pytest.approx(1, rel=0.05)
+    assert kept_work(large, masks, 1) == work(large, masks, 1) == pytest.approx(16)
 
 
 def test_rates_are_those_of_the_same_settings_else_of_others_else_typical_at_the_speed_of_the_machine(

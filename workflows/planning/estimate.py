@@ -13,7 +13,7 @@ from zsmoseg.networks.references import contract_at
 from zsmoseg.stores import files
 from zsmoseg.workflows.planning.compiled import EACH
 from zsmoseg.workflows.planning.plan import StagePlan, VideoPlan
-from zsmoseg.workflows.planning.rates import Rate, Rates, Use, stored, work
+from zsmoseg.workflows.planning.rates import Rate, Rates, Use, kept_work, work
 from zsmoseg.workflows.stage import working_size
 from zsmoseg.workflows.wording import counted, duration, megabytes
 
@@ -115,7 +115,7 @@ def estimate(plans: Sequence[VideoPlan], rates: Rates) -> Estimate:
             guess += Estimate(
                 rate.processor * frames + overhead,
                 rate.wall * frames + overhead,
-                size=int(rate.size * stored(plan, stage, stage.frames_todo)),
+                size=int(rate.size * kept_work(plan, stage, stage.frames_todo)),
                 measured=rate.measured,
                 compiles=rates.missing(stage.stage.task.__module__),
             )

@@ -180,11 +180,11 @@ def work(plan: VideoPlan, stage: StagePlan, frames: int) -> float:
     probe = plan.probe
     if stage.stage.name == "frames":
         return frames * probe.width * probe.height / DISPLAYED
-    return stored(plan, stage, frames)
+    return kept_work(plan, stage, frames)
 
 
-def stored(plan: VideoPlan, stage: StagePlan, frames: int) -> float:
-    """The same by what it leaves: the stage ``frames`` looks at what is shown, and leaves the grid."""
+def kept_work(plan: VideoPlan, stage: StagePlan, frames: int) -> float:
+    """How many frames of 480p as many frames are to a stage by the bytes that it keeps: ``frames`` looks at what is shown, and keeps the grid."""
     probe = plan.probe
     if stage.stage.memory.shown or stage.stage.output:
         return frames * probe.width * probe.height / DISPLAYED

@@ -16,7 +16,7 @@ from zsmoseg.stores.runs import DONE, FAILED, RUNNING, Entry, RunRecord
 from zsmoseg.stores.upkeep import give_up
 from zsmoseg.workflows.planning.estimate import Estimate, estimate, refuse_full_disk
 from zsmoseg.workflows.planning.plan import VideoPlan
-from zsmoseg.workflows.planning.rates import Rates, Taken, stored
+from zsmoseg.workflows.planning.rates import Rates, Taken, kept_work
 from zsmoseg.workflows.running.artifacts import prepare, seal_video
 from zsmoseg.workflows.running.choosing import Named
 from zsmoseg.workflows.running.first_look import make_plan
@@ -241,7 +241,7 @@ class Batch:
             for name, took in summary["stages"].items():
                 stage = plan.stages[name]
                 size, frames = took["megabytes"] * 1e6, len(plan.probe.times)
-                self.rates.sized(stage, Taken(size=size, kept=stored(plan, stage, frames)))
+                self.rates.sized(stage, Taken(size=size, kept=kept_work(plan, stage, frames)))
 
     def fail(self, plan: VideoPlan, failure: Failure, error: Exception | None = None) -> None:
         """Note that a video failed, by ``error`` if the client saw it.

@@ -91,7 +91,8 @@ def _about(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
 def states(plan: VideoPlan) -> str:
     """CSV, a row for every piece of an object at every frame that shows it: whether it moves, and by what margin.
 
-    The margin is the logarithm of the odds against the static world (cost over what is tolerated), empty where it is unknown.
+    The margin is the logarithm of its own odds against the static world (cost over what is tolerated), empty where it is unknown; what
+    was torn off a mover moves when that does, whatever its margin.
     """
     labels, groups, out = _read(plan, "labels", Labels), _read(plan, "groups", Groups), StringIO()
     rows, of = csv.writer(out, lineterminator="\n"), objects_of_pieces(groups)

@@ -18,7 +18,7 @@ PIECE = 1 << 23
 """Bytes of a file that are in memory at once while it is fetched."""
 BATCH = 1000
 """Objects that one request names at most."""
-SMALL = 2**18
+READ_WHOLE = 2**18
 """Bytes of a file that is read whole where pieces of it are asked for: no more than what a request takes to be answered."""
 
 
@@ -159,7 +159,7 @@ def get_range(url: URL, offset: int, length: int) -> bytes | None:
     import obstore
 
     known = stat(url) if looking() else None
-    if known is not None and known.size <= SMALL:
+    if known is not None and known.size <= READ_WHOLE:
         content = _small(url, known)
         return content and content[offset : offset + length]
     try:

@@ -20,17 +20,17 @@ from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.checks import Expected
 
 
-def vouched(artifact: Artifact) -> StorePath:
+def compared(artifact: Artifact) -> StorePath:
     """What Zarr opens as the group of an artifact that is a folder, finished and sealed."""
     expected: dict[str, Mapping[str, int]] = dict((artifact.done or {}).get("files", {}))
     for part in range(len(artifact.parts)):
         record = artifact.part(part)
         expected |= record.files if record else {}
     place = files.zarr_store(artifact.path)
-    return StorePath(Vouched(place.store, place.path, artifact.path, expected), place.path)
+    return StorePath(Compared(place.store, place.path, artifact.path, expected), place.path)
 
 
-class Vouched(WrapperStore[Store]):
+class Compared(WrapperStore[Store]):
     """``store``, in which the files below ``folder``, called ``path`` by users, have to be as ``expected``; pieces of a file are
     not compared.
     """
