@@ -149,5 +149,5 @@ STAGE = Stage(
     SuperpixelObjects,
     "video",
     cost=(14.2, 6.2),
-    memory=Memory(working=30, frames=_held),
+    memory=Memory(working=27, frames=_held),
 )
