@@ -142,7 +142,7 @@ def _held(s: Sections) -> int:
 
 STAGE = Stage(
     "objects",
-    7,
+    8,
     task,
     Inputs,
     Sections,

@@ -30,6 +30,8 @@ from zsmoseg.proposals.embedded.signed_graph import SignedGraph
 
 BLOCK = 16
 """Frames of which pairs from afar are looked for at once."""
+PIECES = 32
+"""Pieces of a frame that are compared with one another."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +117,7 @@ def apart_graph(graph: Graph, foreground: Bools, parameters: Partition) -> Signe
 
     Two things that touch at last are two if they moved apart before. Neutral is that of neighbours. A pair weighs what its
     contact might be, the side of the smaller piece, and repels by no more. Each piece is stood for by the superpixel whose flow is
-    most like its median.
+    most like its median; of a frame in shreds the ``PIECES`` largest count.
     """
     known = foreground & graph.known[graph.frame]
     node = np.flatnonzero(known)
@@ -127,7 +129,10 @@ def apart_graph(graph: Graph, foreground: Bools, parameters: Partition) -> Signe
     middle = np.stack([median(x, piece, number) for x in flow.T], 1)
     alike = np.lexsort((np.abs(flow - middle[piece]).sum(1), piece))
     stand = node[alike[np.searchsorted(piece[alike], number)]]
-    side = np.sqrt(np.bincount(piece, graph.size[node]))
+    size, frame = np.bincount(piece, graph.size[node]), graph.frame[stand]
+    falling = np.lexsort((-size, frame))
+    large = np.sort(falling[number - np.searchsorted(frame, frame) < PIECES])
+    number, stand, middle, side = np.arange(len(large)), stand[large], middle[large], np.sqrt(size[large])
     pairs = [
         here[np.stack(np.triu_indices(len(here), 1), 1)]
         for here in _by_frame(number, graph.frame[stand], graph.frames)
