@@ -86,7 +86,7 @@ def other_values(name: str, tmp_path: Path) -> list[Any]:
 DEMANDING = {"objects.clean_from": 0.0, "objects.clean_full": 0.1, "objects.unclean_from": 0.0}
 SETUP: dict[str, dict[str, Any]] = {
     "affinity.rounds": {"affinity.most": 200.0},
-    "groups.overlap": {"affinity.most": 1e5, "video.start": "4f", "groups.reach": 100.0},
+    "groups.overlap": {"affinity.most": 1e5, "video.start": "2f", "groups.reach": 100.0},
     "groups.share": {"affinity.floor": 0.01, "affinity.pair": 0.0, "groups.reach": 0.0},
     "groups.gap": {"groups.least_pairs": 8},
     "objects.clean_power": DEMANDING,
