@@ -205,10 +205,8 @@ class Artifact:
         Data and metadata of arrays stay; without ``zarr.json`` nobody opens by mistake what is not whole. Of an
         artifact that is one file nothing stays.
         """
-        with (
-            files.no_look(),
-            files.glancing_at(self.path.parent),
-        ):  # another may have taken it, or other parts, back
+        # as it is now: another may have taken it, or other parts, back since this thread looked
+        with files.no_look(), files.glancing_at(self.path.parent):
             if parts and self.packed:
                 files.remove(self.archive)
             for part in parts:

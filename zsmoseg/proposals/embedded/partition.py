@@ -140,26 +140,25 @@ def apart_graph(graph: Graph, foreground: Bools, parameters: Partition) -> Signe
     i, j = np.concatenate(pairs).T
     apart = middle[i] - middle[j]
     step = np.minimum(np.hypot(*apart[:, :2].T), np.hypot(*apart[:, 2:].T))
-    neutral = neutral_steps(
-        graph, graph.edge[known[graph.edge].all(1)], parameters.part_ratio, parameters.part_least
-    )
+    edge = known[graph.edge].all(1)
+    beside, of = np.minimum(*graph.edge_flow)[edge], graph.frame[graph.edge[edge, 0]]
+    neutral = neutral_steps(beside, of, graph.frames, parameters.part_ratio, parameters.part_least)
     agrees = 1 - step / neutral[graph.frame[stand[i]]]
     i, j, agrees = i[agrees < 0], j[agrees < 0], agrees[agrees < 0]
     weight = np.minimum(side[i], side[j])
     return SignedGraph(np.stack([stand[i], stand[j]], 1), weight * np.maximum(agrees, -1), weight)
 
 
-def neutral_steps(graph: Graph, pair: Ints, ratio: float, least: float) -> Floats:
-    """(F) step of the flow at which the pairs (n, 2) of a frame, frames ascending, do not care: ``ratio`` medians, ``least`` px at least."""
-    step = np.minimum(*graph.steps(pair))
-    parts = _by_frame(step, graph.frame[pair[:, 0]], graph.frames)
+def neutral_steps(step: Floats, frame: Ints, frames: int, ratio: float, least: float) -> Floats:
+    """(F) step of the flow at which pairs do not care: ``ratio`` medians of those (n) of a frame, frames ascending, ``least`` px at least."""
+    parts = _by_frame(step, frame, frames)
     return np.maximum(ratio * np.array([np.median(part) if len(part) else 0.0 for part in parts]), least)
 
 
 def agreement(graph: Graph, pair: Ints, ratio: float, least: float) -> Floats:
     """(n) of pairs (n, 2) of one frame, frames ascending: 1 - step / neutral."""
-    neutral = neutral_steps(graph, pair, ratio, least)
-    return np.asarray(1 - np.minimum(*graph.steps(pair)) / neutral[graph.frame[pair[:, 0]]])
+    step, frame = np.minimum(*graph.steps(pair)), graph.frame[pair[:, 0]]
+    return np.asarray(1 - step / neutral_steps(step, frame, graph.frames, ratio, least)[frame])
 
 
 def far_pairs(edge: Ints, steps: int) -> Ints:
