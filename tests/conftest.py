@@ -87,11 +87,12 @@ def davis() -> Path:
 
 @pytest.fixture(autouse=True, scope="session")
 def _as_if_alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """No store from outside, no rates of other runs; no waiting for the disk."""
+    """No store from outside, no rates of other runs; no waiting for the disk; no line that time alone brings."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         patch.delenv("ZSMOSEG_STORE", raising=False)
         patch.setattr(os, "fsync", lambda _: None)
+        patch.setattr("zsmoseg.workflows.running.progress.EVERY", float("inf"))
         yield
 
 

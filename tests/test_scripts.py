@@ -191,8 +191,10 @@ WATCHED = """
 import sys, time
 import zsmoseg.workflows.running.run as running
 import zsmoseg.workflows.running.local_cluster as local
+import zsmoseg.workflows.running.progress as progress
 from zsmoseg.workflows.cli import main
 running.SMALL = 0.0
+progress.EVERY = float("inf")
 real = local.unheard
 def unheard():
     print("starting", file=sys.stderr, flush=True)
