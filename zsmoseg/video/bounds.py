@@ -6,8 +6,8 @@ import struct
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 from PIL import Image
 
@@ -17,6 +17,12 @@ SLIM, LONG = 64, 1024
 """How many times longer one side may be than the other, where it is longer than this (px)."""
 BYTES = 1 << 30
 """Of one frame in memory at once, whatever a file holds of it; of a file that is read as a whole twice that."""
+
+MOST_TAGS = 1 << 16
+"""Bytes of EXIF, as JPEG bounds them."""
+
+ALSO_TURNED_BY = {"xmp", "XML:com.adobe.xmp", "Raw profile type exif"}
+"""Where Pillow looks for an orientation, besides EXIF."""
 
 PNG = b"\x89PNG\r\n\x1a\n"
 """How one begins."""
@@ -70,9 +76,20 @@ def check_png(content: bytes) -> None:
         place += 12 + length
 
 
+def png_chunk(stream: BinaryIO, kind: bytes) -> bytes:
+    """What the first chunk of a kind holds, wherever it stands in a PNG; empty without one."""
+    place = len(PNG)
+    while stream.seek(place) and len(head := stream.read(8)) == 8:
+        (length,) = struct.unpack_from(">I", head)
+        if head[4:] == kind:
+            return stream.read(min(length, MOST_TAGS))
+        place += 12 + length
+    return b""
+
+
 @contextmanager
-def open_image(source: str | Path | BytesIO) -> Iterator[Image.Image]:
-    """An image whose head was read, of a size that is believed.
+def open_image(source: str | Path | BinaryIO) -> Iterator[Image.Image]:
+    """An image whose head was read, of a size that is believed; turned by its EXIF alone, as OpenCV and browsers do.
 
     Raises
     ------
@@ -83,6 +100,8 @@ def open_image(source: str | Path | BytesIO) -> Iterator[Image.Image]:
         image = Image.open(source)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
         raise TooLarge(f"is too large; an image may have {PIXELS} px") from error
+    for name in ALSO_TURNED_BY & image.info.keys():
+        del image.info[name]
     with image:
         check_size(image.height, image.width)
         yield image

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from zsmoseg.video import places
 from zsmoseg.video.bounds import open_image
-from zsmoseg.video.pixels import ORIENTATION, unreadable
+from zsmoseg.video.pixels import ORIENTATION, exif, unreadable
 
 UPRIGHT = 1
 """The orientation of what is displayed as it is stored."""
@@ -24,8 +24,8 @@ def orientation(file: str) -> int:
         If it cannot be read.
     """
     try:
-        with open_image(places.here(file)) as image:
-            found = image.getexif().get(ORIENTATION, UPRIGHT)
+        with open(places.here(file), "rb") as stream, open_image(stream) as image:
+            found = exif(image, stream).get(ORIENTATION, UPRIGHT)
     except (OSError, SyntaxError, ValueError) as error:
         raise unreadable(file) from error
     return int(found) if found in range(1, 9) else UPRIGHT

@@ -7,15 +7,16 @@ import struct
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from zsmoseg.errors import VideoError
 from zsmoseg.video import places
-from zsmoseg.video.bounds import PNG, TooLarge, check_png, check_size, open_image
+from zsmoseg.video.bounds import PNG, TooLarge, check_png, check_size, open_image, png_chunk
 
 WIDTH, HEIGHT, ORIENTATION = 0x0100, 0x0101, 0x0112
 """EXIF tags."""
@@ -32,8 +33,8 @@ SIDEWAYS = 5
 def image_size(file: str) -> tuple[int, int]:
     """(width, height) as displayed, from the header."""
     try:
-        with open_image(places.here(file)) as image:
-            tags = image.getexif()
+        with open(places.here(file), "rb") as stream, open_image(stream) as image:
+            tags = exif(image, stream)
             width, height = image.size
             if image.format == "TIFF":  # Pillow may have turned it
                 width, height = int(tags[WIDTH]), int(tags[HEIGHT])
@@ -42,6 +43,15 @@ def image_size(file: str) -> tuple[int, int]:
         raise unreadable(file, str(error)) from error
     except (OSError, SyntaxError, ValueError) as error:
         raise unreadable(file) from error
+
+
+def exif(image: Image.Image, stream: BinaryIO) -> Image.Exif:
+    """The EXIF of an image, wherever it stands in its file; Pillow decodes a whole PNG to look behind its pixels."""
+    if image.format != "PNG":
+        return image.getexif()
+    tags = Image.Exif()
+    tags.load(image.info.get("exif") or png_chunk(stream, b"eXIf"))
+    return tags
 
 
 def pixels(file: str) -> NDArray[Any] | None:
