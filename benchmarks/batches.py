@@ -49,7 +49,7 @@ def start(words: Iterable[str], told: Path, command: str = COMMAND) -> subproces
 
 
 def python(words: Sequence[str], told: Path) -> subprocess.Popen[bytes]:
-    """A Python process that imports this zsmoseg, with one thread in every library."""
+    """A Python process that imports this zsmoseg, with one thread in every library; as installed, with compiled modules."""
     root = str(Path(zsmoseg.__file__).parents[1])
     paths = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
     single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -57,7 +57,7 @@ def python(words: Sequence[str], told: Path) -> subprocess.Popen[bytes]:
     with told.open("ab") as file:
         return subprocess.Popen(
             [sys.executable, "-P", *words],
-            env={**os.environ, **single, "PYTHONPATH": paths},
+            env={**os.environ, **single, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": ""},
             stdin=subprocess.DEVNULL,
             stdout=file,
             stderr=subprocess.STDOUT,

@@ -12,7 +12,7 @@ import platform
 import uuid
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import PurePath
@@ -178,7 +178,7 @@ def _entry_path(store: Store, entry: Entry) -> PurePath:
 
 def write_entry(store: Store, entry: Entry) -> None:
     """Write the record of a video in a run, over that which is there."""
-    write_record(_entry_path(store, entry), asdict(entry))
+    write_record(_entry_path(store, entry), vars(entry))
 
 
 def _digest(name: str) -> str:
@@ -215,7 +215,7 @@ def read_entry(path: PurePath) -> Entry | None:
         and entry.video[-FINGERPRINT:] == folder[-FINGERPRINT:]
     )
     plain = all(stays(part) and "/" not in part for part in [entry.name, *keys, *keys.values()])
-    return Entry(**{**asdict(entry), "video": folder}) if ours and plain else None
+    return replace(entry, video=folder) if ours and plain else None
 
 
 def last_entry(store: Store, video: str) -> Entry | None:

@@ -7,6 +7,8 @@ import re
 from difflib import get_close_matches
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
 from zsmoseg.errors import ModelError
 from zsmoseg.networks.contract import NAME
 from zsmoseg.workflows.models.catalogue import Entry, entries
@@ -20,9 +22,7 @@ def models_folder() -> Path:
     """The cache: ``$ZSMOSEG_MODELS``, or ``zsmoseg/models`` where the platform keeps caches."""
     if os.environ.get("ZSMOSEG_MODELS"):
         return Path(os.environ["ZSMOSEG_MODELS"]).expanduser()
-    import pooch
-
-    return Path(pooch.os_cache("zsmoseg")) / "models"
+    return user_cache_path("zsmoseg") / "models"
 
 
 def plain_name(name: str) -> str:

@@ -108,14 +108,15 @@ def estimate(plans: Sequence[VideoPlan], rates: Rates) -> Estimate:
         for stage in plan.stages.values():
             if not stage.todo:
                 continue
-            rate, frames = rates.of(stage), work(plan, stage, stage.frames_todo)
+            rate, lengths = rates.of(stage), stage.lengths_todo
+            frames = work(plan, stage, sum(lengths))
             overhead = EACH_PART * len(stage.todo)
-            longest = max(part_seconds(plan, stage, part, rate) for part in stage.todo)
+            longest = rate.wall * work(plan, stage, max(lengths)) + EACH_PART
             chain += rate.wall * frames + overhead if stage.stage.follows else longest
             guess += Estimate(
                 rate.processor * frames + overhead,
                 rate.wall * frames + overhead,
-                size=int(rate.size * kept_work(plan, stage, stage.frames_todo)),
+                size=int(rate.size * kept_work(plan, stage, sum(lengths))),
                 measured=rate.measured,
                 compiles=rates.missing(stage.stage.task.__module__),
             )

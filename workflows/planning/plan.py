@@ -70,9 +70,9 @@ class StagePlan:
         ]
 
     @property
-    def frames_todo(self) -> int:
-        """Frames of the parts to do."""
-        return sum(self.parts[i][1] - self.parts[i][0] for i in self.todo)
+    def lengths_todo(self) -> list[int]:
+        """Frames of each part to do."""
+        return [self.parts[i][1] - self.parts[i][0] for i in self.todo]
 
 
 @dataclass
@@ -259,8 +259,9 @@ def _mark(plan: VideoPlan, stage: StagePlan, again: bool, start_from: str | None
     """Which parts are to do, and the reason in words."""
     problems = _problems(plan, stage)
     redone = {(name, part) for name in stage.stage.reaches for part in plan.stages[name].todo}
-    behind = {i for i in range(len(stage.parts)) if redone and not redone.isdisjoint(plan.before(stage, i))}
-    stage.todo = [i for i in range(len(stage.parts)) if again or i in problems or i in behind]
+    sound = range(0) if again else [i for i in range(len(stage.parts)) if i not in problems]
+    behind = [i for i in sound if redone and not redone.isdisjoint(plan.before(stage, i))]
+    stage.todo = sorted({*range(len(stage.parts))} - {*sound} | {*behind})
     if not stage.todo:
         return
     stage.again = again

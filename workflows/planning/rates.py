@@ -12,8 +12,10 @@ import os
 import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from pathlib import Path, PurePath
+from pathlib import PurePath
 from typing import Any
+
+from platformdirs import user_cache_path
 
 import zsmoseg
 from zsmoseg.errors import ZsmosegError
@@ -169,10 +171,8 @@ class Rates:
 
 def place() -> PurePath:
     """The record of this machine, these versions and this installation."""
-    import pooch
-
     about = [platform.node(), platform.machine(), os.cpu_count(), versions(), zsmoseg.__file__]
-    return Path(pooch.os_cache("zsmoseg")) / "rates" / f"{_digest(about)}.json"
+    return user_cache_path("zsmoseg") / "rates" / f"{_digest(about)}.json"
 
 
 def work(plan: VideoPlan, stage: StagePlan, frames: int) -> float:

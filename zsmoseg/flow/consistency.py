@@ -13,8 +13,8 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 Flow = NDArray[np.float32]
 Places = NDArray[np.float32]
@@ -85,7 +85,7 @@ def round_trip_of(place: Places, forward: Flow, backward: Flow) -> RoundTrip:
 
 def _between_pixels(flow: Flow, place: Places) -> Flow:
     """(2, n) bilinear; NaN where a neighbour is."""
-    return np.stack([map_coordinates(f, place[::-1], order=1, mode="nearest") for f in flow])
+    return np.stack([scipy.ndimage.map_coordinates(f, place[::-1], order=1, mode="nearest") for f in flow])
 
 
 def closed(trip: RoundTrip, tolerance: Tolerance) -> NDArray[np.bool_]:

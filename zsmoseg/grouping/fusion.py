@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from zsmoseg.motion.models import Floats
 
@@ -111,7 +111,7 @@ def laplacian(affinity: Floats) -> Floats:
 def lowest(matrix: Floats, count: int) -> Floats:
     """Eigenvectors (N, count) of the smallest eigenvalues; fewer columns if there are fewer rows."""
     last = min(count, len(matrix)) - 1
-    return np.asarray(eigh(matrix, subset_by_index=[0, last])[1])
+    return np.asarray(scipy.linalg.eigh(matrix, subset_by_index=[0, last])[1])
 
 
 def unit_rows(rows: Floats) -> Floats:
@@ -128,7 +128,7 @@ def count_groups(affinity: Floats, most: int = 10) -> int:
     if last < 2:
         return len(affinity)
     values = np.maximum(
-        eigh(laplacian(affinity), eigvals_only=True, subset_by_index=[1, last]), LEAST_EIGENVALUE
+        scipy.linalg.eigh(laplacian(affinity), eigvals_only=True, subset_by_index=[1, last]), LEAST_EIGENVALUE
     )
     return 2 + int((values[1:] / values[:-1]).argmax())
 

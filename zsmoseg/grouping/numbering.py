@@ -6,9 +6,8 @@ Connected components: Hopcroft, Tarjan, CACM 1973, as implemented in SciPy.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from zsmoseg.grouping.clustering import Labels, by_weight
 from zsmoseg.motion.models import Floats
@@ -30,7 +29,7 @@ def renumbered(group: Labels, support: Floats) -> Labels:
 def connected(group: Labels, near: NDArray[np.bool_], support: Floats) -> Labels:
     """The largest object (N,) of what is connected by nearness (N, N) within a group; 0 = static."""
     link = near & (group[:, None] == group[None, :]) & (group[:, None] > 0)
-    part = connected_components(csr_array(link), directed=False)[1]
+    part = scipy.sparse.csgraph.connected_components(scipy.sparse.csr_array(link), directed=False)[1]
     return np.where(group > 0, _largest(part, support)[part], 0)
 
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from zsmoseg.metrics.contours import Contour, contour, contour_f, grow, tolerance
 from zsmoseg.metrics.counts import Labels, pair_counts
@@ -98,7 +98,7 @@ def match_proposals(
         highest = max(highest, int(prediction.max(initial=0)))
         scores.append(frame_scores(*outside_void(truth, prediction, void), pairs))
     j, f = np.array(scores).transpose(1, 2, 0).reshape(2, objects, -1, len(scores))[:, :, :highest]
-    rows, columns = linear_sum_assignment(-(j.mean(2) + f.mean(2)))
+    rows, columns = scipy.optimize.linear_sum_assignment(-(j.mean(2) + f.mean(2)))
     return Matched(j[rows, columns], f[rows, columns], columns + 1)
 
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from zsmoseg.metrics.clips import Clip, SequenceScore
 from zsmoseg.metrics.counts import PairSums, PairTable, frame_counts
@@ -39,7 +39,7 @@ def region_scores(table: PairTable) -> RegionScores:
     precision, recall = pixels / pixels.sum(0), pixels / pixels.sum(1)[:, None]
     both = precision + recall
     f = 2 * precision * recall / np.where(both > 0, both, 1)
-    match = linear_sum_assignment(-np.floor(10000 * f))
+    match = scipy.optimize.linear_sum_assignment(-np.floor(10000 * f))
     unmatched = len(pixels) - len(match[0])
     p = float(precision[match].sum() + unmatched) / len(pixels)
     r = float(recall[match].sum()) / len(pixels)

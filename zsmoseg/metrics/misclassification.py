@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from zsmoseg.metrics.clips import Clip, SequenceScore
 from zsmoseg.metrics.counts import Labels
@@ -30,7 +30,7 @@ def classification_error(truth: Labels, prediction: Labels) -> float:
     predicted_ids, columns = np.unique(prediction, return_inverse=True)
     table = np.zeros((len(true_ids), len(predicted_ids)), np.int64)
     np.add.at(table, (rows, columns), 1)
-    right = int(table[linear_sum_assignment(-table)].sum())
+    right = int(table[scipy.optimize.linear_sum_assignment(-table)].sum())
     return 100.0 * (truth.size - right) / truth.size
 
 

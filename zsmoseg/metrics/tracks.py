@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from zsmoseg.metrics.counts import Labels, PairSums, PairTable, pair_counts
 
@@ -67,7 +67,9 @@ def match_tracks(table: PairTable) -> TrackMatch:
     precision = overlap / table.pixels.sum(0)[tracks]
     recall = overlap / table.pixels.sum(1)[objects][:, None]
     f = 2 * precision * recall / np.maximum(precision + recall, TINY)
-    return TrackMatch(table.truth[objects], table.prediction[tracks], overlap, *linear_sum_assignment(-f))
+    return TrackMatch(
+        table.truth[objects], table.prediction[tracks], overlap, *scipy.optimize.linear_sum_assignment(-f)
+    )
 
 
 def multi_label_scores(table: PairTable) -> TrackScores:

@@ -12,9 +12,9 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.special import expit, logit
 
 from zsmoseg.errors import ModelError
 from zsmoseg.networks.batches import run_frames
@@ -88,7 +88,7 @@ def _candidates(
     as_logits = rules.scores == "logits"
     # the largest along the axis that is contiguous in memory: thousands of candidates, of which a few are left
     best = rows.T[4 : 4 + classes].max(0)
-    some = np.flatnonzero(best > (logit(rules.floor) if as_logits else rules.floor))
+    some = np.flatnonzero(best > (scipy.special.logit(rules.floor) if as_logits else rules.floor))
     corners = _corners(rows[some, :4], rules.boxes)
     kept = suppress(corners, best[some], rules.overlap)[: rules.most]
     some, corners = some[kept], corners[kept]
@@ -97,7 +97,7 @@ def _candidates(
     score = np.ascontiguousarray(rows[some, 4 : 4 + classes])
     box = np.clip(where.boxes_out(corners), 0, np.tile(where.original[::-1], 2)).astype(np.float32)
     masks = [_mask(one, corners, where) for one, corners in zip(logits, box, strict=True)]
-    return Raw(box, expit(score) if as_logits else score, masks)
+    return Raw(box, scipy.special.expit(score) if as_logits else score, masks)
 
 
 def _corners(boxes: NDArray[np.float32], kind: str) -> NDArray[np.float32]:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.special import expit
 
 from zsmoseg.errors import ModelError
 from zsmoseg.networks.contract import MAIN, Contract, File, Table
@@ -91,7 +91,7 @@ def tag_scores(network: Network, frame: NDArray[np.uint8]) -> Scores:
         raise ModelError(
             f"{contract.name}: the graph scores {len(scores)} tags, {table.names.file} names {named}"
         )
-    return expit(scores) if table.meaning == "logits" else scores
+    return scipy.special.expit(scores) if table.meaning == "logits" else scores
 
 
 def chosen_tags(scores: Scores, thresholds: Scores) -> NDArray[np.int64]:

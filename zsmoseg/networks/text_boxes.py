@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import expit
 
 from zsmoseg.errors import ModelError
 from zsmoseg.networks.boxes import suppress
@@ -118,7 +118,7 @@ def _ask(network: Network, tensor: Floats, geometry: Geometry, prompt: Prompt) -
     if len(prompt.phrases) > 1 and contract.extra("text", TextTable).phrases == "one":
         raise ModelError(f"{contract.name} takes one phrase a call, the prompt has {len(prompt.phrases)}")
     out = network.run(MAIN, _feeds(network, tensor, geometry, prompt), ["logits", "boxes"])
-    probability = expit(out["logits"][0].astype(np.float32))
+    probability = scipy.special.expit(out["logits"][0].astype(np.float32))
     score = np.stack([probability[:, a:b].max(1) for a, b in prompt.spans], 1)
     centre, size = np.split(out["boxes"][0].astype(np.float32), 2, axis=1)
     box = np.hstack([centre - size / 2, centre + size / 2]).astype(np.float32)

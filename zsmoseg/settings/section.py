@@ -94,6 +94,7 @@ class Section(BaseModel):
         return kind(**values)
 
     @classmethod
+    @cache
     def extra(cls, name: str) -> dict[str, Any]:
         """Unit and condition of setting ``name``."""
         extra = cls.model_fields[name].json_schema_extra

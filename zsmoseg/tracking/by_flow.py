@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from zsmoseg.flow.consistency import Tolerance, closed, round_trip
 from zsmoseg.tracking.carrying import Flow, Label, here, look_up, step
@@ -140,7 +140,7 @@ def ratio(bin_of: Bins, inside: NDArray[np.bool_], near: NDArray[np.bool_], limi
     """
     size = int(np.prod(LEVELS))
     counts = [np.bincount(bin_of[where], minlength=size).reshape(LEVELS) for where in (inside, near)]
-    smooth = [gaussian_filter(c.astype(np.float64), (0.5, 1.0, 1.0)) for c in counts]
+    smooth = [scipy.ndimage.gaussian_filter(c.astype(np.float64), (0.5, 1.0, 1.0)) for c in counts]
     one, two = (c / max(float(c.sum()), 1.0) + 1e-6 for c in smooth)
     return np.asarray(np.clip(np.log(one / two), -limit, limit), np.float32).ravel()
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 Ids = NDArray[np.int64]
 Share = NDArray[np.float64]
@@ -47,7 +47,7 @@ def matched(share: Share, least: float) -> Ids:
         Column, -1 = none.
     """
     columns = np.full(len(share), -1, np.int64)
-    rows, found = linear_sum_assignment(-share)
+    rows, found = scipy.optimize.linear_sum_assignment(-share)
     good = share[rows, found] >= least
     columns[rows[good]] = found[good]
     return columns

@@ -6,6 +6,7 @@ import glob
 import os
 import re
 import stat
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -159,9 +160,19 @@ def absolute(name: str) -> str:
     return os.path.abspath(name)
 
 
-def identity(name: str) -> str:
-    """What is the same for two names of one file."""
-    return name if url(name) is not None else os.path.realpath(name)
+def identities(names: Sequence[str]) -> tuple[str, ...]:
+    """Of each what is the same for two names of one file; what their folders are is looked up once for all."""
+    here = {os.path.dirname(name) for name in names if url(name) is None}
+    real = {folder: os.path.realpath(folder) for folder in here}
+
+    def identity(name: str) -> str:
+        if (folder := real.get(os.path.dirname(name))) is None:
+            return name
+        return (
+            os.path.realpath(name) if os.path.islink(name) else os.path.join(folder, os.path.basename(name))
+        )
+
+    return tuple(map(identity, names))
 
 
 def parts(name: str) -> tuple[str, ...]:

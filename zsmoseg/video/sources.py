@@ -83,7 +83,7 @@ def sources(arguments: Sequence[str]) -> list[str]:
         try:
             for video in _expand(argument):
                 files = _images(video) or [video]
-                once.setdefault(tuple(places.identity(file) for file in files), video)
+                once.setdefault(places.identities(files), video)
         except OSError as error:
             raise VideoError(f"{error.filename or argument}: cannot be read ({error.strerror})") from error
     return list(once.values())

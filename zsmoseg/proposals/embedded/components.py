@@ -6,8 +6,7 @@ Connected components: Hopcroft, Tarjan, CACM 1973, as implemented in SciPy.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from zsmoseg.proposals.embedded.aliases import Bools, Floats, Ints
 
@@ -41,5 +40,7 @@ def tidy(foreground: Bools, part: Ints, size: Floats, edge: Ints, smallest: floa
 def components(foreground: Bools, edge: Ints) -> Ints:
     """(superpixels) number of the connected component of the foreground; others are components of their own."""
     inside = edge[foreground[edge].all(1)]
-    graph = sp.coo_array((np.ones(len(inside)), (inside[:, 0], inside[:, 1])), (len(foreground),) * 2)
-    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(inside)), (inside[:, 0], inside[:, 1])), (len(foreground),) * 2
+    )
+    return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1], np.int64)

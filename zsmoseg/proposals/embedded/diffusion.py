@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
+import scipy
 
 from zsmoseg.proposals.embedded.aliases import Floats, Ints
 from zsmoseg.proposals.embedded.conjugate_gradients import conjugate_gradients
@@ -35,7 +35,7 @@ class Diffusion:
     """Residual of the equations over their right side at which the solver stops: finer changes no mask."""
 
 
-def similarity(graph: Graph, diffusion: Diffusion) -> sp.csr_array:
+def similarity(graph: Graph, diffusion: Diffusion) -> scipy.sparse.csr_array:
     """Symmetric weights (superpixels, superpixels) of all ties.
 
     Boundary length, or carried pixels, times exp(-distance in Lab / ``link_colour``). Each kind is scaled to a mean
@@ -43,19 +43,19 @@ def similarity(graph: Graph, diffusion: Diffusion) -> sp.csr_array:
     """
     nodes = len(graph.frame)
 
-    def part(pairs: Ints, strength: Floats, distance: Floats) -> sp.csr_array:
+    def part(pairs: Ints, strength: Floats, distance: Floats) -> scipy.sparse.csr_array:
         strength = strength * np.exp(-distance / diffusion.link_colour)
         i, j = pairs.T
         half = np.r_[strength, strength] * (nodes / max(2 * strength.sum(), LEAST))
-        return sp.csr_array((half, (np.r_[i, j], np.r_[j, i])), (nodes, nodes))
+        return scipy.sparse.csr_array((half, (np.r_[i, j], np.r_[j, i])), (nodes, nodes))
 
     space = part(graph.edge, graph.boundary, graph.edge_colour)
     time = part(graph.link, graph.carried, colour_distance(graph, graph.link))
-    return sp.csr_array(space + diffusion.link_time * time)
+    return scipy.sparse.csr_array(space + diffusion.link_time * time)
 
 
 def diffuse(
-    weight: sp.csr_array, x: Floats, strength: float, tolerance: float, trust: Floats | None = None
+    weight: scipy.sparse.csr_array, x: Floats, strength: float, tolerance: float, trust: Floats | None = None
 ) -> Floats:
     """The z that minimises sum trust (z - x)² + strength z' (D - W) z.
 

@@ -7,8 +7,7 @@ the border of the image by a cheap path.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import dijkstra
+import scipy
 
 from zsmoseg.proposals.embedded.aliases import Floats
 from zsmoseg.proposals.embedded.graph import Graph
@@ -36,5 +35,7 @@ def from_border(graph: Graph, cost: Floats, entry: Floats) -> Floats:
     value = np.r_[cost, cost, entry[rim]] + STEP_LEAST
     one, two = graph.edge.T
     start, end = np.r_[one, two, border], np.r_[two, one, rim]
-    distance = dijkstra(sp.csr_array((value, (start, end)), (nodes + 1, nodes + 1)), indices=nodes)[:nodes]
+    distance = scipy.sparse.csgraph.dijkstra(
+        scipy.sparse.csr_array((value, (start, end)), (nodes + 1, nodes + 1)), indices=nodes
+    )[:nodes]
     return np.where(np.isfinite(distance), distance, 0.0)

@@ -15,10 +15,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median
-from scipy.sparse.csgraph import connected_components
 
 from zsmoseg.proposals.embedded.absorption import absorb
 from zsmoseg.proposals.embedded.aliases import Bools, Floats, Ints
@@ -126,7 +124,7 @@ def apart_graph(graph: Graph, foreground: Bools, parameters: Partition) -> Signe
     piece = np.unique(components(known, graph.edge)[node], return_inverse=True)[1].ravel()
     number = np.arange(piece.max() + 1)
     flow = np.concatenate([graph.forward[node][:, [U, V]], graph.backward[node][:, [U, V]]], 1)
-    middle = np.stack([median(x, piece, number) for x in flow.T], 1)
+    middle = np.stack([scipy.ndimage.median(x, piece, number) for x in flow.T], 1)
     alike = np.lexsort((np.abs(flow - middle[piece]).sum(1), piece))
     stand = node[alike[np.searchsorted(piece[alike], number)]]
     size, frame = np.bincount(piece, graph.size[node]), graph.frame[stand]
@@ -165,12 +163,14 @@ def far_pairs(edge: Ints, steps: int) -> Ints:
     """(n, 2) pairs of nodes that are just so many steps along edges (m, 2) apart, in order."""
     node, local = np.unique(edge, return_inverse=True)
     i, j = local.reshape(-1, 2).T
-    step = sp.csr_array((np.ones(2 * len(i), np.float32), (np.r_[i, j], np.r_[j, i])), (len(node), len(node)))
-    before = within = sp.eye_array(len(node), dtype=np.float32, format="csr")
+    step = scipy.sparse.csr_array(
+        (np.ones(2 * len(i), np.float32), (np.r_[i, j], np.r_[j, i])), (len(node), len(node))
+    )
+    before = within = scipy.sparse.eye_array(len(node), dtype=np.float32, format="csr")
     for _ in range(steps):
         before, within = within, within @ step + within
         within.data[:] = 1
-    ring = sp.triu(within - before, 1).tocoo()
+    ring = scipy.sparse.triu(within - before, 1).tocoo()
     pair = np.stack([ring.row, ring.col], 1)[ring.data > 0]
     return np.asarray(node[pair[np.lexsort((pair[:, 1], pair[:, 0]))]], np.int64)
 
@@ -189,6 +189,6 @@ def chains(graph: Graph, foreground: Bools) -> Ints:
     following[i], followed[j] = order, order  # of those that are assigned to one place the last one stays
     i, j = graph.link[link].T
     i, j = graph.link[link[(following[i] == link) & (followed[j] == link)]].T
-    chained = sp.coo_array((np.ones(len(i)), (i, j)), (len(foreground),) * 2)
-    label = connected_components(chained, directed=False)[1]
+    chained = scipy.sparse.coo_array((np.ones(len(i)), (i, j)), (len(foreground),) * 2)
+    label = scipy.sparse.csgraph.connected_components(chained, directed=False)[1]
     return np.asarray(np.unique(label, return_index=True)[1][label], np.int64)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
+import scipy
 
 from zsmoseg.proposals.embedded.aliases import Bools, Floats
 from zsmoseg.proposals.embedded.bilateral_grid import BilateralGrid, smooth
@@ -77,7 +77,7 @@ class Look:
 class Ties:
     """What holds superpixels together and sets them apart, however they move."""
 
-    weight: sp.csr_array
+    weight: scipy.sparse.csr_array
     """(superpixels, superpixels) of the diffusion."""
     trust: Floats
     """(superpixels) in motion."""
