@@ -21,7 +21,7 @@ from pathlib import PurePath
 from typing import Any
 
 from zsmoseg.stores import archive, files
-from zsmoseg.stores.inside import Folder, Inside
+from zsmoseg.stores.inside import Folder, Inside, Reading
 from zsmoseg.stores.records import ARCHIVE, RECORDS
 
 AGAIN = "run the same command again"
@@ -108,8 +108,8 @@ class Artifact:
 
     @property
     def for_reading(self) -> Artifact:
-        """The same, looked up once: one file is written once and for all."""
-        return self if self.held else replace(self, held=archive.recall(self.archive))
+        """The same, its records looked up once."""
+        return self if self.held else replace(self, held=archive.recall(self.archive) or Reading(self.path))
 
     @property
     def packed(self) -> bool:

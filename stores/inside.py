@@ -129,6 +129,25 @@ class Folder:
         files.remove(self.record_place(name))
 
 
+@dataclass(frozen=True)
+class Reading(Folder):
+    """Files below ``path`` whose records are looked up once, so that all that is read fits together.
+
+    Most of the time that a task's reading took beside the arrays went into looking at them again.
+    """
+
+    known: dict[str, dict[str, Any]] = field(default_factory=dict, compare=False)
+
+    def record(self, name: str) -> dict[str, Any] | None:
+        """As ``Inside`` says."""
+        if name not in self.known:
+            found = super().record(name)
+            if found is None:
+                return None
+            self.known[name] = found
+        return self.known[name]
+
+
 class _Piece(bytearray):
     """Grows in memory."""
 
