@@ -84,7 +84,7 @@ def exchange_folder(path: Path, draw: random.Random) -> str:
     folder, root = folder_of(path, draw)
     depth = len(folder.relative_to(root).parts)
     alike = [p for p in root.rglob("*") if p.is_dir() and len(p.relative_to(root).parts) == depth]
-    return swap(folder, draw.choice(sorted(alike)))
+    return swap(folder, draw.choice(sorted({*alike, folder})))
 
 
 def delete_folder(path: Path, draw: random.Random) -> str:

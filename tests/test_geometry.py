@@ -161,7 +161,9 @@ def test_a_static_scene_that_a_camera_passes_is_empty_with_the_reason_whoever_pr
         main(["explain", "clip", "--store", str(tmp_path / "store"), "--object", str(first["object"])]) == 0
     )
     said = capsys.readouterr().out.splitlines()[0]
-    measured = ", ".join(f"{name} {first[name]:.2f}" for name in ("front", "error", "parallax", "foot"))
+    measured = ", ".join(
+        f"{name} {first[name]:.2f}" for name in ("front", "error", "parallax", "foot", "beside")
+    )
     assert (
         f"it stands on the ground beside it: {measured}: affinity 1.00 with the world; so it is static"
         in said

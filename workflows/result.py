@@ -216,7 +216,7 @@ class Result:
 
         ``world`` is the affinity with the static world, tolerance / (tolerance + excess): one half = at the tolerance.
         ``reason``: what decided (``zsmoseg.grouping.decisions``). ``geometry``: whether it obeys that of the static world, or
-        why that is not known, with what was measured: ``front``, ``error``, ``parallax``, ``foot``; ``counts``: whether its
+        why that is not known, with what was measured: ``front``, ``error``, ``parallax``, ``foot``, ``beside``; ``counts``: whether its
         evidence counts beside what obeys. Of proposed masks also ``origin``, the id in the files, and
         ``category`` where a network named them.
         """

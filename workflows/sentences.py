@@ -76,7 +76,7 @@ def _measured(piece: Row, visible: float) -> str:
 
 def _geometry(piece: Row) -> str:
     """What was measured of its geometry."""
-    found = ((name, piece[name]) for name in ("front", "error", "parallax", "foot"))
+    found = ((name, piece[name]) for name in ("front", "error", "parallax", "foot", "beside"))
     return ", ".join(f"{name} {value:.2f}" if isfinite(value) else f"{name} unknown" for name, value in found)
 
 

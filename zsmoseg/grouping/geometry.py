@@ -7,9 +7,9 @@ inverse depth, up to one scale and sign a pair:
 
     q = -(y x Rx) . (y x T) / |y x T|^2
 
-An object obeys the world if its tracks lie on the world's epipolar lines, stay within a few times the parallax of the world,
-and its foot is as near as the world right below it. A mover along an epipolar line has some inverse depth too, but not that of
-the ground under it.
+An object obeys the world if its tracks lie on the world's epipolar lines and its foot is as near as the world right below it.
+A mover along an epipolar line has some inverse depth too, but not that of the ground under it. Where a mover is half found, its
+other half is what is seen below: what has far more parallax than the world has to be as near as the world beside its foot too.
 
 Rotation, direction and depth of two views: Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2004, chapters
 9.6 and 12; Sampson distance there, 11.4.
@@ -34,8 +34,9 @@ Ids = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 Seen = tuple[Ids, Places, Ids]
 """Of one frame: the tracks (points,), where they are (points, 2) x, y px, and the objects that they are on (points,)."""
-Measured = tuple[float, float, float]
-"""Of an object in a pair: error, parallax, and whether it stands: 1, 0, or NaN where no world is seen below."""
+Measured = tuple[float, float, float, float]
+"""Of an object in a pair: error, parallax, whether it stands: 1, 0, or NaN where no world is seen below, and how much nearer it
+is than the world beside, NaN where none is seen."""
 TwoViews = tuple[Floats, Floats, Ids]
 """Of two frames: where tracks are in either (rows, 2), and the object that each is on in both (rows,)."""
 
@@ -51,11 +52,17 @@ PRECISION = 0.1
 """px, root mean square, that no track is better than: a world that strays less from its epipolar lines counts as if it did."""
 FRONT = 0.9
 """Part of the world that is in front of the camera, if the world is one rigid scene; water is none."""
-FOOT = 1.5
+FOOT = 1.75
 """Ratio of inverse depths up to which an object stands on what is below it."""
 LOWEST, BELOW, ASIDE, LEAST_BELOW = 0.3, 0.12, 4.0, 4
 """The foot of an object: its lowest tracks, part of them. The world below: so far below it, part of the height of the frame; so
 far beside its foot, px; so many tracks at least."""
+NEAREST, CLOSER, BESIDE = 3.0, 0.6, 2.5
+"""What exceeds ``Limits.parallax`` may do so up to so many times, with that part of ``Limits.error``, and its foot may have so many
+times the inverse depth of the world beside it, or that part of it."""
+AROUND, WIDE, NARROW = (0.02, 0.06), 2.0, 20.0
+"""The world beside a foot: so far above and below its lowest track, parts of the height of the frame; so many widths of the foot to
+its left and right, of at least so many px."""
 TINY = 1e-12
 
 VERDICTS = (
@@ -79,7 +86,7 @@ class Limits:
     error: float
     """Times the world's own distance from its epipolar lines."""
     parallax: float
-    """Times the parallax that nine tenths of the world stay below."""
+    """Times the parallax that nine tenths of the world stay below, from which it has to fit closer."""
 
 
 @dataclass(frozen=True)
@@ -98,11 +105,13 @@ class Geometry:
     """(N,) parallax over what nine tenths of the world stay below, median; NaN = unknown."""
     foot: Floats
     """(N,) part of the pairs in which its foot is as near as the world right below; NaN = unknown."""
+    beside: Floats
+    """(N,) inverse depth of its foot over that of the world beside it, median; NaN = unknown."""
 
     @classmethod
     def unasked(cls, count: int) -> Geometry:
         """Of a shot that was not looked at."""
-        unknown = np.full((3, count), np.nan)
+        unknown = np.full((4, count), np.nan)
         return cls(np.zeros(count, np.int8), np.ones(count, np.bool_), np.nan, *unknown)
 
     @property
@@ -152,7 +161,8 @@ def _counting(verdict: NDArray[np.int8], moving: Flags) -> Flags:
 def two_views(looks: Iterable[Seen]) -> Iterator[TwoViews]:
     """The tracks of every pair of looks at the ``GAPS``; pairs of one gap follow each other without overlap.
 
-    A track counts if it is on the same object in both.
+    A track counts if it is on the same object in both, or on one that is not proposed in the other at all: what is proposed in one
+    look only is followed to those beside.
     """
     kept: deque[Seen] = deque(maxlen=max(GAPS) + 1)
     for t, look in enumerate(looks):
@@ -162,9 +172,10 @@ def two_views(looks: Iterable[Seen]) -> Iterator[TwoViews]:
             if t >= gap and t % gap == 0:
                 before, where, was = kept[-1 - gap]
                 _, i, j = np.intersect1d(before, track, assume_unique=True, return_indices=True)
-                same = was[i] == on[j]
-                i, j = i[same], j[same]
-                yield where[i].astype(np.float64), place[j].astype(np.float64), on[j]
+                now, then = on[j], was[i]
+                alike = (now == then) | ((then == 0) & ~np.isin(now, was)) | ((now == 0) & ~np.isin(then, on))
+                i, j = i[alike], j[alike]
+                yield where[i].astype(np.float64), place[j].astype(np.float64), np.maximum(was[i], on[j])
 
 
 @dataclass(frozen=True)
@@ -205,24 +216,34 @@ class World:
         return float((self.inverse[self.rows] > 0).mean())
 
     def measured(self, mine: Ids) -> Measured:
-        """Error, parallax and whether it stands, of the object with the tracks ``mine``; NaN: nothing is below."""
+        """Of the object with the tracks ``mine``."""
         error = _spread(self.distance[mine]) / max(_spread(self.distance[self.rows]), PRECISION)
         most = max(float(np.quantile(self.parallax[self.rows], 0.9)), TINY)
-        return error, float(np.median(self.parallax[mine])) / most, self._stands(mine)
+        return error, float(np.median(self.parallax[mine])) / most, *self._stands(mine)
 
-    def _stands(self, mine: Ids) -> float:
-        """1 where the foot is as near as the world right below, 0 where not, NaN where none is seen there."""
+    def _stands(self, mine: Ids) -> tuple[float, float]:
+        """Whether the foot is as near as the world right below, and how much nearer than the world beside."""
         x, y = self.place.T
         foot = mine[y[mine] >= np.quantile(y[mine], 1 - LOWEST)]
-        left, right = x[foot].min() - ASIDE, x[foot].max() + ASIDE
-        top, bottom = np.median(y[foot]), y[mine].max() + BELOW * self.height
-        (x, y), rows = self.place[self.rows].T, self.rows
-        below = rows[(x >= left) & (x <= right) & (y >= top) & (y <= bottom)]
-        if len(below) < LEAST_BELOW:
+        left, right, lowest = x[foot].min() - ASIDE, x[foot].max() + ASIDE, y[mine].max()
+        top, bottom = np.median(y[foot]), lowest + BELOW * self.height
+        over, under = lowest - AROUND[0] * self.height, lowest + AROUND[1] * self.height
+        far = WIDE * max(right - left, NARROW)
+        x, y = self.place[self.rows].T
+        below = (x >= left) & (x <= right) & (y >= top) & (y <= bottom)
+        beside = (
+            ((x < left) | (x > right)) & (x > left - far) & (x < right + far) & (y >= over) & (y <= under)
+        )
+        nearer = self._nearer(foot, self.rows[below])
+        stands = float(1 / FOOT < nearer < FOOT) if np.isfinite(nearer) else np.nan
+        return stands, self._nearer(foot, self.rows[beside])
+
+    def _nearer(self, mine: Ids, others: Ids) -> float:
+        """Inverse depth of some tracks over that of others; NaN where these are few."""
+        if len(others) < LEAST_BELOW:
             return np.nan
-        under = float(np.median(self.inverse[below]))
-        ratio = float(np.median(self.inverse[foot])) / (under if abs(under) > TINY else TINY)
-        return float(1 / FOOT < ratio < FOOT)
+        under = float(np.median(self.inverse[others]))
+        return float(np.median(self.inverse[mine])) / (under if abs(under) > TINY else TINY)
 
 
 def inverse_depth(epipolar: Floats, first: Floats, second: Floats, size: tuple[int, int]) -> Floats:
@@ -263,21 +284,29 @@ def _spread(square: Floats) -> float:
 
 
 def _of_pairs(found: list[Measured]) -> Measured:
-    """Medians of error and parallax over the pairs, and the part of them in which it stands."""
+    """Medians over the pairs, and the part of them in which it stands."""
     if not found:
-        return np.nan, np.nan, np.nan
-    error, parallax, foot = np.array(found).T
-    seen = foot[np.isfinite(foot)]
-    return float(np.median(error)), float(np.median(parallax)), float(seen.mean()) if len(seen) else np.nan
+        return (np.nan,) * 4
+    error, parallax, *known = np.array(found).T
+    foot, beside = (each[np.isfinite(each)] for each in known)
+    return (
+        float(np.median(error)),
+        float(np.median(parallax)),
+        float(foot.mean()) if len(foot) else np.nan,
+        float(np.median(beside)) if len(beside) else np.nan,
+    )
 
 
 def _verdict(values: Floats, front: float, unknown: int, limits: Limits) -> int:
-    """The verdict on one object, by its error, parallax and foot; ``unknown``: where it was never measured."""
-    error, parallax, foot = values
+    """The verdict on one object by what was measured; ``unknown``: where it was not."""
+    error, parallax, foot, beside = values
     if np.isnan(error):
         return unknown
-    if error > limits.error or parallax > limits.parallax or foot < 0.5:
+    near = parallax > limits.parallax
+    if error > limits.error * (CLOSER if near else 1) or parallax > NEAREST * limits.parallax or foot < 0.5:
         return BREAKS
-    if np.isnan(foot):
+    if np.isnan(foot) or (near and np.isnan(beside)):
         return NOTHING_BELOW
+    if near and not 1 / BESIDE < beside < BESIDE:
+        return BREAKS
     return OBEYS if front >= FRONT else NOT_RIGID

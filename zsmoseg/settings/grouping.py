@@ -118,8 +118,8 @@ class Affinity(Section):
         gt=0,
     )
     parallax: float = setting(
-        3.0,
-        "what obeys it has at most this many times the parallax that nine tenths of the world stay below",
+        2.0,
+        "what obeys it with more than this many times the parallax that nine tenths of the world stay below has to fit closer",
         "",
         ("geometry", True),
         gt=0,

@@ -110,6 +110,11 @@ class Affinity(Arrays):
         dtype="float64",
         meaning="part of the looks in which its foot is as near as the world below it",
     )
+    beside: Floats = table(
+        "object",
+        dtype="float64",
+        meaning="inverse depth of its foot, over that of the world beside it",
+    )
 
     def evidence(self, count: int) -> dict[str, NDArray[Any]]:
         """By name the evidence (count,) for all objects by their number; NaN, or 0, where no window has one.
@@ -117,7 +122,7 @@ class Affinity(Arrays):
         ``geometry`` is the verdict in words.
         """
         out = {}
-        for name in ("visibility", "verdict", "counts", "front", "error", "parallax", "foot"):
+        for name in ("visibility", "verdict", "counts", "front", "error", "parallax", "foot", "beside"):
             values = getattr(self, name)
             out[name] = np.full(count, np.nan if values.dtype.kind == "f" else 0, values.dtype)
             out[name][self.object] = values
@@ -236,11 +241,11 @@ def read_visibility(statistics: Statistics, shot: Shot) -> Floats:
 MEMORY: Memory[Sections] = Memory(working=65, frames=lambda s: READ)
 """Where something would move: the flow that tracks are followed along."""
 STAGE = Stage(
-    "affinity", 9, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(6.2, 0.1), memory=MEMORY
+    "affinity", 10, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(6.2, 0.1), memory=MEMORY
 )
 WITH_EPIPOLAR = Stage(
     "affinity",
-    9,
+    10,
     task,
     InputsWithEpipolar,
     Sections,
