@@ -30,7 +30,14 @@ from zsmoseg.workflows.stages.motion import tracked
 
 LIMITS = ("affinity.error", "affinity.parallax")
 CONSTANTS: dict[str, tuple[float, float]] = {
-    "FOOT": (1.25, 2.0),
+    "FOOT": (1.375, 2.5),
+    "NEAREST": (1.5, 6.0),
+    "CLOSER": (0.3, 1.0),
+    "BESIDE": (1.75, 4.0),
+    "OVER": (0.01, 0.04),
+    "UNDER": (0.03, 0.12),
+    "WIDE": (1.0, 4.0),
+    "NARROW": (10.0, 40.0),
     "FRONT": (0.95, 0.8),
     "PRECISION": (0.05, 0.2),
     "SPACING": (4, 16),

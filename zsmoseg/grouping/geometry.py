@@ -60,7 +60,7 @@ far beside its foot, px; so many tracks at least."""
 NEAREST, CLOSER, BESIDE = 3.0, 0.6, 2.5
 """What exceeds ``Limits.parallax`` may do so up to so many times, with that part of ``Limits.error``, and its foot may have so many
 times the inverse depth of the world beside it, or that part of it."""
-AROUND, WIDE, NARROW = (0.02, 0.06), 2.0, 20.0
+OVER, UNDER, WIDE, NARROW = 0.02, 0.06, 2.0, 20.0
 """The world beside a foot: so far above and below its lowest track, parts of the height of the frame; so many widths of the foot to
 its left and right, of at least so many px."""
 TINY = 1e-12
@@ -227,7 +227,7 @@ class World:
         foot = mine[y[mine] >= np.quantile(y[mine], 1 - LOWEST)]
         left, right, lowest = x[foot].min() - ASIDE, x[foot].max() + ASIDE, y[mine].max()
         top, bottom = np.median(y[foot]), lowest + BELOW * self.height
-        over, under = lowest - AROUND[0] * self.height, lowest + AROUND[1] * self.height
+        over, under = lowest - OVER * self.height, lowest + UNDER * self.height
         far = WIDE * max(right - left, NARROW)
         x, y = self.place[self.rows].T
         below = (x >= left) & (x <= right) & (y >= top) & (y <= bottom)
