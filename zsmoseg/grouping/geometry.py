@@ -37,8 +37,8 @@ Seen = tuple[Ids, Places, Ids]
 Measured = tuple[float, float, float, float]
 """Of an object in a pair: error, parallax, whether it stands: 1, 0, or NaN where no world is seen below, and how much nearer it
 is than the world beside, NaN where none is seen."""
-TwoViews = tuple[Floats, Floats, Ids]
-"""Of two frames: where tracks are in either (rows, 2), and the object that each is on in both (rows,)."""
+TwoViews = tuple[Floats, Floats, Ids, Flags]
+"""Of two frames: where tracks are in either (rows, 2), the object that each is on (rows,), and whether in both."""
 
 EVERY = 2
 """Frames from one that is looked at to the next."""
@@ -130,18 +130,22 @@ def geometry_of(looks: Iterable[Seen], moving: Flags, size: tuple[int, int], lim
     size : height and width of the frame, px.
     """
     front: list[float] = []
-    found: list[list[Measured]] = [[] for _ in moving]
+    seen: list[list[Measured]] = [[] for _ in moving]
+    followed: list[list[Measured]] = [[] for _ in moving]
     unknown = TOO_SHORT
-    for first, second, on in two_views(looks):
+    for first, second, on, both in two_views(looks):
         world = World.of(first, second, np.flatnonzero(on == 0), size)
         unknown = HIDDEN if world is None and not front else FEW
         if world is not None:
             front.append(world.front)
             for n in np.flatnonzero(np.bincount(on) >= LEAST_POINTS):
-                if n > 0:
-                    found[n].append(world.measured(np.flatnonzero(on == n)))
+                mine = np.flatnonzero((on == n) & both)
+                if n > 0 and len(mine) >= LEAST_POINTS:
+                    seen[n].append(world.measured(mine))
+                elif n > 0:
+                    followed[n].append(world.measured(np.flatnonzero(on == n)))
     whole = float(np.median(front)) if front else np.nan
-    values = np.array([_of_pairs(pairs) for pairs in found])
+    values = np.array([_of_pairs(pairs or brief) for pairs, brief in zip(seen, followed, strict=True)])
     verdict = np.array([_verdict(v, whole, unknown, limits) for v in values], np.int8)
     verdict[0] = NOT_ASKED
     return Geometry(verdict, _counting(verdict, moving), whole, *values.T)
@@ -161,8 +165,8 @@ def _counting(verdict: NDArray[np.int8], moving: Flags) -> Flags:
 def two_views(looks: Iterable[Seen]) -> Iterator[TwoViews]:
     """The tracks of every pair of looks at the ``GAPS``; pairs of one gap follow each other without overlap.
 
-    A track counts if it is on the same object in both, or on one that is not proposed in the other at all: what is proposed in one
-    look only is followed to those beside.
+    A track counts if it is on the same object in both, or on one that is not proposed in the other at all. By the latter what is
+    proposed for a moment only is followed to the frames beside; what is seen longer does without, for tracks slide off it.
     """
     kept: deque[Seen] = deque(maxlen=max(GAPS) + 1)
     for t, look in enumerate(looks):
@@ -174,8 +178,13 @@ def two_views(looks: Iterable[Seen]) -> Iterator[TwoViews]:
                 _, i, j = np.intersect1d(before, track, assume_unique=True, return_indices=True)
                 now, then = on[j], was[i]
                 alike = (now == then) | ((then == 0) & ~np.isin(now, was)) | ((now == 0) & ~np.isin(then, on))
-                i, j = i[alike], j[alike]
-                yield where[i].astype(np.float64), place[j].astype(np.float64), np.maximum(was[i], on[j])
+                i, j, now, then = i[alike], j[alike], now[alike], then[alike]
+                yield (
+                    where[i].astype(np.float64),
+                    place[j].astype(np.float64),
+                    np.maximum(now, then),
+                    now == then,
+                )
 
 
 @dataclass(frozen=True)
