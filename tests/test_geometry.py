@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import pytest
 from conftest import write_folder
 from runs import segment
 
-from zsmoseg.grouping.geometry import EVERY, VERDICTS, Limits, Seen, geometry_of
+from zsmoseg.grouping.geometry import BESIDE, EVERY, NEAREST, VERDICTS, Geometry, Limits, Seen, geometry_of
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
 from zsmoseg.synthetic import video_scene
@@ -110,6 +110,47 @@ def test_a_camera_that_only_turns_or_rests_holds_nothing_static(noise: float) ->
     for turn in (0.0, 0.004):
         for own in ((0.03, 0.0, 0.0), (0.0, -0.03, 0.0), (0.0, 0.0, -0.1)):
             assert verdicts(looks(STILL, [(plate(RNG), own)], turn=turn, noise=noise)) != ["obeys"]
+
+
+def hidden(
+    seen: Iterator[Seen], thing: int, shown: Callable[[int], bool] = lambda look: False
+) -> Iterator[Seen]:
+    """The same, but a thing is proposed in some looks only: in others it passes for the world."""
+    for n, (track, place, on) in enumerate(seen):
+        yield track, place, np.where((on == thing) & (not shown(n)), 0, on)
+
+
+def measured(seen: Iterator[Seen]) -> Geometry:
+    return geometry_of(seen, np.array([False, True]), SIZE, LIMITS)
+
+
+def test_what_is_very_near_has_to_be_as_near_as_the_ground_beside_it() -> None:
+    """A half of a mover stands on the other half, which passes for the world: only what lies beside tells it."""
+    wall = measured(looks(SIDEWAYS, [(plate(RNG, z=3.2), STILL)]))
+    assert LIMITS.parallax < wall.parallax[1] < NEAREST * LIMITS.parallax
+    assert VERDICTS[wall.verdict[1]] == "obeys"
+    car, own = plate(RNG, z=4.0), (-0.07, 0.0, 0.0)
+    upper = car[:, 1] < np.median(car[:, 1])
+    half = measured(hidden(looks(SIDEWAYS, [(car[upper], own), (car[~upper], own)]), 2))
+    assert LIMITS.parallax < half.parallax[1] < NEAREST * LIMITS.parallax
+    assert half.foot[1] == 1, "it stands on itself"
+    assert half.beside[1] > BESIDE
+    assert VERDICTS[half.verdict[1]] == "breaks"
+
+
+@pytest.mark.parametrize("look", [0, 4, 8])
+@pytest.mark.parametrize(("own", "verdict"), [(STILL, "obeys"), ((0.0, -0.03, 0.0), "breaks")])
+def test_what_is_proposed_for_a_moment_is_followed_to_the_frames_beside(
+    own: Any, verdict: str, look: int
+) -> None:
+    assert verdicts(hidden(looks(SIDEWAYS, [(plate(RNG), own)]), 1, lambda n: n == look)) == [verdict]
+
+
+def test_what_is_seen_longer_does_without_tracks_that_slide_off_it() -> None:
+    """Where it is not proposed they may be on anything: here they rest with the world, and it moves."""
+    still, moving = (looks(SIDEWAYS, [(plate(RNG), own)]) for own in (STILL, (0.0, -0.03, 0.0)))
+    mixed = (one if n < 3 else other for n, (one, other) in enumerate(zip(moving, still, strict=True)))
+    assert verdicts(hidden(mixed, 1, lambda n: n < 3)) == ["breaks"]
 
 
 def test_scraps_count_beside_a_mover_that_breaks_and_not_beside_what_obeys_alone() -> None:
