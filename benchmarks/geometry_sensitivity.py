@@ -33,7 +33,7 @@ CONSTANTS: dict[str, tuple[float, float]] = {
     "FOOT": (1.375, 2.5),
     "NEAREST": (1.5, 6.0),
     "CLOSER": (0.3, 1.0),
-    "BESIDE": (1.75, 4.0),
+    "BESIDE": (2.5, 7.0),
     "OVER": (0.01, 0.04),
     "UNDER": (0.03, 0.12),
     "WIDE": (1.0, 4.0),

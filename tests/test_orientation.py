@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from zsmoseg.errors import VideoError
 from zsmoseg.video.orientation import orientation
 from zsmoseg.video.pixels import image_size, pixels
 
@@ -74,7 +75,10 @@ def test_an_image_is_held_as_its_exif_says_whatever_else_speaks_of_it(
 
 def test_of_a_png_the_size_is_read_without_its_pixels(tmp_path: Path) -> None:
     """Of a video of 5,000 frames they would be decoded before the plan is shown."""
-    whole = _png()
-    head = whole[: whole.index(b"IDAT") + 4]
-    (tmp_path / "0.png").write_bytes(head + bytes(30))
-    assert image_size(str(tmp_path / "0.png")) == (8, 6)
+    whole, file = _png(), tmp_path / "0.png"
+    pixels = whole.index(b"IDAT") + 4
+    file.write_bytes(whole[:pixels] + bytes(len(whole) - 16 - pixels) + whole[-16:])
+    assert image_size(str(file)) == (8, 6)
+    file.write_bytes(whole[:-20])
+    with pytest.raises(VideoError, match=r"0\.png: cannot be read as an image"):
+        image_size(str(file))

@@ -9,7 +9,7 @@ inverse depth, up to one scale and sign a pair:
 
 An object obeys the world if its tracks lie on the world's epipolar lines and its foot is as near as the world right below it.
 A mover along an epipolar line has some inverse depth too, but not that of the ground under it. Where a mover is half found, its
-other half is what is seen below: what has far more parallax than the world has to be as near as the world beside its foot too.
+other half is what is seen below: so the world beside its foot counts too, and closer for what has far more parallax than the world.
 
 Rotation, direction and depth of two views: Hartley, Zisserman, "Multiple View Geometry in Computer Vision", 2004, chapters
 9.6 and 12; Sampson distance there, 11.4.
@@ -57,9 +57,10 @@ FOOT = 1.75
 LOWEST, BELOW, ASIDE, LEAST_BELOW = 0.3, 0.12, 4.0, 4
 """The foot of an object: its lowest tracks, part of them. The world below: so far below it, part of the height of the frame; so
 far beside its foot, px; so many tracks at least."""
-NEAREST, CLOSER, BESIDE = 3.0, 0.6, 2.5
-"""What exceeds ``Limits.parallax`` may do so up to so many times, with that part of ``Limits.error``, and its foot may have so many
-times the inverse depth of the world beside it, or that part of it."""
+BESIDE = 4.0
+"""Ratio of inverse depths up to which it fits to what is beside its foot: of what is found in part the foot is not the lowest."""
+NEAREST, CLOSER = 3.0, 0.6
+"""What exceeds ``Limits.parallax`` may do so up to so many times, and has that part of ``Limits.error`` and ``BESIDE``."""
 OVER, UNDER, WIDE, NARROW = 0.02, 0.06, 2.0, 20.0
 """The world beside a foot: so far above and below its lowest track, parts of the height of the frame; so many widths of the foot to
 its left and right, of at least so many px."""
@@ -312,10 +313,11 @@ def _verdict(values: Floats, front: float, unknown: int, limits: Limits) -> int:
     if np.isnan(error):
         return unknown
     near = parallax > limits.parallax
-    if error > limits.error * (CLOSER if near else 1) or parallax > NEAREST * limits.parallax or foot < 0.5:
+    part = CLOSER if near else 1.0
+    if error > part * limits.error or parallax > NEAREST * limits.parallax or foot < 0.5:
+        return BREAKS
+    if not np.isnan(beside) and not 1 / (part * BESIDE) < beside < part * BESIDE:
         return BREAKS
     if np.isnan(foot) or (near and np.isnan(beside)):
         return NOTHING_BELOW
-    if near and not 1 / BESIDE < beside < BESIDE:
-        return BREAKS
     return OBEYS if front >= FRONT else NOT_RIGID

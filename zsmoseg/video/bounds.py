@@ -77,14 +77,22 @@ def check_png(content: bytes) -> None:
 
 
 def png_chunk(stream: BinaryIO, kind: bytes) -> bytes:
-    """What the first chunk of a kind holds, wherever it stands in a PNG; empty without one."""
+    """What the first chunk of a kind holds, wherever it stands in a PNG; empty without one.
+
+    Raises
+    ------
+    ValueError
+        If the file ends before its last chunk.
+    """
     place = len(PNG)
     while stream.seek(place) and len(head := stream.read(8)) == 8:
         (length,) = struct.unpack_from(">I", head)
         if head[4:] == kind:
             return stream.read(min(length, MOST_TAGS))
+        if head[4:] == b"IEND":
+            return b""
         place += 12 + length
-    return b""
+    raise ValueError("is cut off")
 
 
 @contextmanager
