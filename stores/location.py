@@ -183,7 +183,9 @@ class Store:
         new = re.sub(r"[^\w.-]+", "_", name).strip("._")[:80] or "video"
         if files.listing(self.path / (new + end)):  # which is asked for anyway, once for all
             return new + end
-        return next((video for video in self.videos() if video.endswith(end)), new + end)
+        # a pattern, not all videos: of ten thousand that would take longer than a small video
+        known = (path for path in files.matching(self.path, f"*{end}") if files.is_folder(path))
+        return next((path.name for path in known if _VIDEO.fullmatch(path.name)), new + end)
 
     def artifact(self, video: str, stage: str, key: str) -> Artifact:
         """The artifact of a stage of a video; it need not exist."""
