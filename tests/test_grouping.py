@@ -105,6 +105,26 @@ def test_two_view_residuals_are_judged_by_the_model_of_the_larger_object() -> No
         np.testing.assert_allclose(tolerance, k.floor + np.sqrt(2))
 
 
+@pytest.mark.parametrize("drift", [(0.0, 1.5), (1.5, 0.0)])
+def test_two_motions_cost_the_same_however_far_apart_they_are(drift: tuple[float, float]) -> None:
+    """One affine motion explains them the better the farther apart they are: as a stretch that neither shows."""
+    y, x = np.mgrid[:240, :427]
+    cost = []
+    for away in (42, 126, 252):
+        label = np.zeros((2, 240, 427), np.int32)
+        flow = np.zeros((1, 2, 240, 427), np.float32)
+        for n, left in enumerate((80, 80 + away)):
+            disc = (x - left) ** 2 + (y - 120) ** 2 < 20**2
+            label[:, disc] = n + 1
+            flow[0][:, disc] = np.array(drift)[:, None] * (1 - 2 * n) / 2
+        (p,) = shot_pairs(label, flow, None, MODELS["affine"], CORE.statistics)
+        excess, tolerance = merge(p, MODELS["affine"], CORE.affinity.tolerance)
+        cost.append(float(excess[1, 2]))
+        assert cost[-1] > tolerance[1, 2]
+    np.testing.assert_allclose(cost[1:], cost[1], rtol=0.05)
+    np.testing.assert_allclose(cost, cost[1], rtol=0.4)
+
+
 # -------------------------------------------------------------------------- affinity
 def with_slots(p: Pair, count: int) -> Pair:
     """The same pair as a chunk that lists more objects would have it."""

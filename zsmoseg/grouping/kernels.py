@@ -53,19 +53,42 @@ def ordered_weighted(residual: Floats, ranking: Literal["row", "column"]) -> Flo
 def merge(p: Pair, model: Model, k: Tolerance) -> tuple[Floats, Floats]:
     """What one motion for two costs and what is tolerated, px, (n, n) each, of the objects seen in one pair.
 
-        E[i, j] = sqrt((SSE(i + j) - SSE(i) - SSE(j)) / min(|i|, |j|) - chance)
+        E[i, j] = distance[i, j] sqrt((SSE(i + j) - SSE(i) - SSE(j)) / min(|i|, |j|) - chance)
         T[i, j] = floor + sqrt(pair (s2(i) + s2(j)))
 
     with s2 and the chance as in ``world``. Unlike residuals of one's motion on the other's pixels, the cost of merging
     never extrapolates the motion of a small thing to a far one (Ward, "Hierarchical grouping to optimize an objective
-    function", JASA 1963).
+    function", JASA 1963). But the farther apart two things are, the less it costs to bridge them by a stretch that
+    neither shows: their ``distance`` makes it what it would cost if they touched.
     """
     seen, found = p.seen, p.found
     pixels, own, own2 = found.pixels[seen], found.own[seen], deviation(p)
     small = np.minimum(pixels[:, None], pixels)
     noise = np.minimum((own[:, None] + own) / 2, own[0])
     square = found.merge[np.ix_(seen, seen)] - chance(noise, small, model, k)
-    return np.sqrt(np.maximum(square, 0.0)), k.floor + np.sqrt(k.pair * (own2[:, None] + own2))
+    excess = distances(p.gram[seen]) * np.sqrt(np.maximum(square, 0.0))
+    return excess, k.floor + np.sqrt(k.pair * (own2[:, None] + own2))
+
+
+def distances(gram: Floats) -> Floats:
+    """How far apart things are (n, n), over that of discs of their extents that touch; at least 1.
+
+    Two velocities that differ by v, of things of radius r whose centres are d apart, are one stretch by v / d, which strays by
+    r v / d within either; so what it costs falls with d, as what a rigid thing shows of its own motion does not.
+
+    Parameters
+    ----------
+    gram : (n, 11, 11) sums of products of ``MONOMIALS``.
+    """
+    pixels = gram[:, 0, 0]
+    centre = gram[:, 0, 1:3] / pixels[:, None]
+    square = (gram[:, 1, 1] + gram[:, 2, 2]) / pixels - (centre**2).sum(1)
+    radius = np.sqrt(
+        2 * np.maximum(square, 0.0)
+    )  # of a disc: its mean square distance from the centre is r^2 / 2
+    apart = np.linalg.norm(centre[:, None] - centre, axis=2)
+    touching = radius[:, None] + radius
+    return np.maximum(np.divide(apart, touching, out=np.ones_like(apart), where=touching > 0), 1.0)
 
 
 def geometric(residual: Floats, pixels: Floats, k: Tolerance) -> tuple[Floats, Floats]:
