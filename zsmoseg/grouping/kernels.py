@@ -53,20 +53,22 @@ def ordered_weighted(residual: Floats, ranking: Literal["row", "column"]) -> Flo
 def merge(p: Pair, model: Model, k: Tolerance) -> tuple[Floats, Floats]:
     """What one motion for two costs and what is tolerated, px, (n, n) each, of the objects seen in one pair.
 
-        E[i, j] = distance[i, j] sqrt((SSE(i + j) - SSE(i) - SSE(j)) / min(|i|, |j|) - chance)
+        E[i, j] = bridge[i, j] sqrt((SSE(i + j) - SSE(i) - SSE(j)) / min(|i|, |j|) - chance)
         T[i, j] = floor + sqrt(pair (s2(i) + s2(j)))
 
     with s2 and the chance as in ``world``. Unlike residuals of one's motion on the other's pixels, the cost of merging
     never extrapolates the motion of a small thing to a far one (Ward, "Hierarchical grouping to optimize an objective
     function", JASA 1963). But the farther apart two things are, the less it costs to bridge them by a stretch that
-    neither shows: their ``distance`` makes it what it would cost if they touched.
+    neither shows, where the model has one; the factor is 1 where they touch, or it has none.
     """
     seen, found = p.seen, p.found
     pixels, own, own2 = found.pixels[seen], found.own[seen], deviation(p)
     small = np.minimum(pixels[:, None], pixels)
     noise = np.minimum((own[:, None] + own) / 2, own[0])
     square = found.merge[np.ix_(seen, seen)] - chance(noise, small, model, k)
-    excess = distances(p.gram[seen]) * np.sqrt(np.maximum(square, 0.0))
+    excess = np.sqrt(np.maximum(square, 0.0))
+    if model.stretches:
+        excess *= np.sqrt(distances(p.gram[seen]))
     return excess, k.floor + np.sqrt(k.pair * (own2[:, None] + own2))
 
 
@@ -74,7 +76,8 @@ def distances(gram: Floats) -> Floats:
     """How far apart things are (n, n), over that of discs of their extents that touch; at least 1.
 
     Two velocities that differ by v, of things of radius r whose centres are d apart, are one stretch by v / d, which strays by
-    r v / d within either; so what it costs falls with d, as what a rigid thing shows of its own motion does not.
+    r v / d within either: what it costs falls with d. The kernel takes the root of this, for what else is wrong with one motion
+    for both, as a depth that is none, does not fall.
 
     Parameters
     ----------
@@ -88,7 +91,9 @@ def distances(gram: Floats) -> Floats:
     )  # of a disc: its mean square distance from the centre is r^2 / 2
     apart = np.linalg.norm(centre[:, None] - centre, axis=2)
     touching = radius[:, None] + radius
-    return np.maximum(np.divide(apart, touching, out=np.ones_like(apart), where=touching > 0), 1.0)
+    return np.asarray(
+        np.maximum(np.divide(apart, touching, out=np.ones_like(apart), where=touching > 0), 1.0)
+    )
 
 
 def geometric(residual: Floats, pixels: Floats, k: Tolerance) -> tuple[Floats, Floats]:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -50,6 +51,12 @@ class Model:
     def parameters(self) -> int:
         """Number of parameters."""
         return len(self.terms)
+
+    @cached_property
+    def stretches(self) -> bool:
+        """Whether it has any linear part, whatever the depth: then it can bridge any two velocities by a stretch."""
+        linear = [MONOMIALS.index("x"), MONOMIALS.index("y")]
+        return bool(np.linalg.matrix_rank(np.concatenate([self.rows_u[linear], self.rows_v[linear]])) == 4)
 
 
 Terms = Sequence[tuple[str, Mapping[str, float], Mapping[str, float]]]
