@@ -59,7 +59,7 @@ LOWEST, BELOW, ASIDE, LEAST_BELOW = 0.3, 0.12, 4.0, 4
 far beside its foot, px; so many tracks at least."""
 BESIDE = 4.0
 """Ratio of inverse depths up to which it fits to what is beside its foot: of what is found in part the foot is not the lowest."""
-NEAREST, CLOSER = 3.0, 0.6
+NEAREST, CLOSER = 3.0, 0.65
 """What exceeds ``Limits.parallax`` may do so up to so many times, and has that part of ``Limits.error`` and ``BESIDE``."""
 OVER, UNDER, WIDE, NARROW = 0.02, 0.06, 2.0, 20.0
 """The world beside a foot: so far above and below its lowest track, parts of the height of the frame; so many widths of the foot to

@@ -241,11 +241,11 @@ def read_visibility(statistics: Statistics, shot: Shot) -> Floats:
 MEMORY: Memory[Sections] = Memory(working=65, frames=lambda s: READ)
 """Where something would move: the flow that tracks are followed along."""
 STAGE = Stage(
-    "affinity", 14, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(6.2, 0.1), memory=MEMORY
+    "affinity", 15, task, Inputs, Sections, Affinity, "video", labels=cues, cost=(6.2, 0.1), memory=MEMORY
 )
 WITH_EPIPOLAR = Stage(
     "affinity",
-    14,
+    15,
     task,
     InputsWithEpipolar,
     Sections,
