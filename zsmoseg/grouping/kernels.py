@@ -86,14 +86,12 @@ def distances(gram: Floats) -> Floats:
     pixels = gram[:, 0, 0]
     centre = gram[:, 0, 1:3] / pixels[:, None]
     square = (gram[:, 1, 1] + gram[:, 2, 2]) / pixels - (centre**2).sum(1)
-    radius = np.sqrt(
-        2 * np.maximum(square, 0.0)
-    )  # of a disc: its mean square distance from the centre is r^2 / 2
+    # of a disc the mean square distance from its centre is r^2 / 2
+    radius = np.sqrt(2 * np.maximum(square, 0.0))
     apart = np.linalg.norm(centre[:, None] - centre, axis=2)
     touching = radius[:, None] + radius
-    return np.asarray(
-        np.maximum(np.divide(apart, touching, out=np.ones_like(apart), where=touching > 0), 1.0)
-    )
+    ratio = np.divide(apart, touching, out=np.ones_like(apart), where=touching > 0)
+    return np.asarray(np.maximum(ratio, 1.0))
 
 
 def geometric(residual: Floats, pixels: Floats, k: Tolerance) -> tuple[Floats, Floats]:
