@@ -164,7 +164,11 @@ def lengths(tmp_path_factory: pytest.TempPathFactory) -> dict[int, tuple[dict[st
         patch.setattr(sealing, "LARGEST", 1)
         patch.setattr(sealing, "LONGEST", 1)
         for frames in (80, 240):
-            found[frames] = measured(street_folder(root, frames), root / str(frames), patch)
+            clip = street_folder(root, frames)
+            twice = [measured(clip, root / f"{frames}-{n}", patch) for n in range(2)]
+            # the less of both: what else a process does meanwhile, on another thread, is none of the task's
+            peaks = {stage: min(peaks[stage] for peaks, _ in twice) for stage in twice[0][0]}
+            found[frames] = peaks, twice[0][1]
     return found
 
 
