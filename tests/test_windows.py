@@ -166,7 +166,7 @@ def lengths(tmp_path_factory: pytest.TempPathFactory) -> dict[int, tuple[dict[st
         for frames in (80, 240):
             clip = street_folder(root, frames)
             twice = [measured(clip, root / f"{frames}-{n}", patch) for n in range(2)]
-            # the less of both: what else a process does meanwhile, on another thread, is none of the task's
+            # the less of both: now and then Python's table of interned names grows, by 8 MB, whoever adds the next one
             peaks = {stage: min(peaks[stage] for peaks, _ in twice) for stage in twice[0][0]}
             found[frames] = peaks, twice[0][1]
     return found
