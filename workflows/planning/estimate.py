@@ -111,7 +111,7 @@ def estimate(plans: Sequence[VideoPlan], rates: Rates) -> Estimate:
             rate, lengths = rates.of(stage), stage.lengths_todo
             frames = work(plan, stage, sum(lengths))
             overhead = EACH_PART * len(stage.todo)
-            longest = rate.wall * work(plan, stage, max(lengths)) + EACH_PART
+            longest = part_seconds(plan, stage, max(zip(lengths, stage.todo, strict=True))[1], rate)
             chain += rate.wall * frames + overhead if stage.stage.follows else longest
             guess += Estimate(
                 rate.processor * frames + overhead,

@@ -6,6 +6,7 @@ import struct
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
@@ -68,12 +69,10 @@ def check_bytes(count: int, what: str, most: int = BYTES) -> None:
 
 def check_png(content: bytes) -> None:
     """Raise ``ValueError`` if a chunk of a PNG states more bytes than there are: OpenCV makes room for them first."""
-    place = len(PNG)
-    while content.startswith(PNG) and place + 8 <= len(content):
-        (length,) = struct.unpack_from(">I", content, place)
-        if length > len(content) - place - 8:
-            raise ValueError(f"a chunk states {length} bytes, {len(content) - place - 8} are left")
-        place += 12 + length
+    if content.startswith(PNG):
+        for _, begin, length in _chunks(BytesIO(content)):
+            if length > len(content) - begin:
+                raise ValueError(f"a chunk states {length} bytes, {len(content) - begin} are left")
 
 
 def png_chunk(stream: BinaryIO, kind: bytes) -> bytes:
@@ -84,15 +83,21 @@ def png_chunk(stream: BinaryIO, kind: bytes) -> bytes:
     ValueError
         If the file ends before its last chunk.
     """
-    place = len(PNG)
-    while stream.seek(place) and len(head := stream.read(8)) == 8:
-        (length,) = struct.unpack_from(">I", head)
-        if head[4:] == kind:
+    for found, _, length in _chunks(stream):
+        if found == kind:
             return stream.read(min(length, MOST_TAGS))
-        if head[4:] == b"IEND":
+        if found == b"IEND":
             return b""
-        place += 12 + length
     raise ValueError("is cut off")
+
+
+def _chunks(stream: BinaryIO) -> Iterator[tuple[bytes, int, int]]:
+    """Kind, begin and stated length of the content of every chunk of a PNG; the stream stands where it begins."""
+    begin = len(PNG) + 8
+    while stream.seek(begin - 8) and len(head := stream.read(8)) == 8:
+        (length,) = struct.unpack_from(">I", head)
+        yield head[4:], begin, length
+        begin += length + 12
 
 
 @contextmanager
