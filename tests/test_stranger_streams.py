@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from fractions import Fraction
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +14,12 @@ import cv2
 import numpy as np
 import pytest
 from av.stream import Disposition
-from coded import add, coded, look, numbers, write
+from coded import add, coded, decoded, look, numbers, write
+from PIL import Image
 
 from zsmoseg.errors import VideoError
+from zsmoseg.video.frames import read
+from zsmoseg.video.pixels import pixels
 
 ALL, OTHER = list(range(40)), [63] * 40
 
@@ -216,3 +221,54 @@ def test_a_file_that_lacks_its_end_is_told_from_one_that_promised_too_much(
     looked = look(path, allow_truncated=True)
     assert numbers(looked) == ALL[: len(looked.times)]
     assert 10 < len(looked.times) < 40
+
+
+# ---------------------------------------------------------------------- what frames carry
+def pictures(count: int, orientation: int) -> list[bytes]:
+    """JPEGs as cameras write them, which say in their EXIF how they are held."""
+    tags, made = Image.Exif(), []
+    tags[0x010F], tags[0x0112] = "Maker", orientation
+    for n in range(count):
+        file = BytesIO()
+        Image.fromarray(coded(n)[..., ::-1]).save(file, "JPEG", quality=95, exif=tags)
+        made.append(file.getvalue())
+    return made
+
+
+def with_exif(path: Path, orientation: int, count: int = 12) -> Path:
+    """The bare pictures, those in an AVI, or an APNG."""
+    if path.suffix == ".mjpeg":
+        path.write_bytes(b"".join(pictures(count, orientation)))
+    elif path.suffix == ".apng":
+        first, *rest = [Image.open(BytesIO(data)) for data in pictures(count, orientation)]
+        tags = first.getexif()
+        first.save(path, "PNG", save_all=True, append_images=rest, duration=40, exif=tags)
+    else:
+        with av.open(str(path), "w") as container:
+            stream = container.add_stream("mjpeg", rate=25)
+            stream.width, stream.height, stream.pix_fmt = 160, 90, "yuvj420p"
+            for n, data in enumerate(pictures(count, orientation)):
+                packet = av.Packet(data)
+                packet.stream, packet.pts, packet.dts, packet.is_keyframe = stream, n, n, True
+                packet.time_base = Fraction(1, 25)
+                container.mux(packet)
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.avi", "a.mkv", "a.mjpeg", "a.apng"])
+def test_frames_may_carry_what_nobody_here_knows(name: str, tmp_path: Path) -> None:
+    looked = look(with_exif(tmp_path / name, 1))
+    assert numbers(looked) == list(range(12))
+    for n in (7, 2, 11):
+        assert decoded(next(read(looked, n, n + 1))) == n
+    assert numbers(look(tmp_path / name, every=5)) == [0, 5, 10]
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_exif_of_frames_turns_them_as_it_turns_images(orientation: int, tmp_path: Path) -> None:
+    looked = look(with_exif(tmp_path / "a.avi", orientation, count=2))
+    (tmp_path / "1.jpg").write_bytes(pictures(2, orientation)[1])
+    image = pixels(str(tmp_path / "1.jpg"))
+    assert image is not None
+    assert (looked.width, looked.height) == image.shape[1::-1]
+    assert np.abs(next(read(looked, 1, 2)).astype(int) - image).mean() < 8

@@ -26,6 +26,17 @@ LIMIT = {"max_pixels": str(PIXELS)}
 """For FFmpeg: a stream may state another size in its middle than in its head."""
 
 
+@classmethod  # type: ignore[misc]
+def _unnamed(cls: type[Type], value: int) -> Type:
+    """A kind of side data that FFmpeg has and PyAV does not name; without it none of a frame could be looked at."""
+    kind = object.__new__(cls)
+    kind._name_, kind._value_ = f"UNNAMED_{value}", value  # type: ignore[assignment]
+    return kind
+
+
+Type._missing_ = _unnamed  # type: ignore[method-assign, assignment]
+
+
 def media(path: str | Path) -> str:
     """A path, or the copy of a URL, as FFmpeg takes it: what stands before a colon in it is no protocol."""
     return f"file:{places.here(str(path))}"
@@ -66,6 +77,8 @@ class Decoder:
         self._container: Any = None
         self._stream: Iterator[tuple[int, Any]] = iter(())
         self._next: int | None = None
+        self._seeks = not way.ranks
+        """Whether frames are looked for from another place than the start; not all formats can."""
 
     def frames(self, wanted: Sequence[int]) -> Iterator[UInt8]:
         """The frames with the presentation times ``wanted``, ascending.
@@ -110,12 +123,11 @@ class Decoder:
         raise VideoError(f"{self.path}: the frame at time {pts} cannot be decoded")
 
     def _near(self, pts: int, at: int) -> bool:
-        """Whether going on is the shortest way: no whole group of frames lies between."""
-        return (
-            self._next is not None
-            and self._next <= pts
-            and at - int(np.searchsorted(self.keys, self._next)) <= 1
-        )
+        """Whether going on is the shortest way: no whole group of frames lies between that could be left out."""
+        if self._next is None or self._next > pts:
+            return False
+        left_out = self._seeks or bool(self.way.ranks)
+        return not left_out or at - int(np.searchsorted(self.keys, self._next)) <= 1
 
     def _search(self, pts: int) -> UInt8 | None:
         """The frame at ``pts``, or None if it is damaged or does not come."""
@@ -139,8 +151,13 @@ class Decoder:
         stream = self._container.streams[self.way.stream]
         stream.codec_context.thread_count = 1
         stream.codec_context.options = {**LIMIT, "err_detect": "explode"} if self._strict else LIMIT
-        if key > self.first and not self.way.ranks:
-            self._container.seek(key, stream=stream, backward=True)
+        if key > self.first and self._seeks:
+            try:
+                self._container.seek(key, stream=stream, backward=True)
+            except av.error.FFmpegError:
+                self._seeks = False
+                self._start(at, trusted)
+                return
         packets = _full(self._container.demux(stream))
         decoded = _decoded(_ranked(packets, self.way.ranks, key) if self.way.ranks else packets, sure)
         self._stream = ((f.pts, f) for f in decoded if f.pts is not None)
