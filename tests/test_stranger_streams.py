@@ -272,3 +272,34 @@ def test_exif_of_frames_turns_them_as_it_turns_images(orientation: int, tmp_path
     assert image is not None
     assert (looked.width, looked.height) == image.shape[1::-1]
     assert np.abs(next(read(looked, 1, 2)).astype(int) - image).mean() < 8
+
+
+# ---------------------------------------------------------------------- what is elsewhere
+LISTS = {
+    "a.m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nvideo.ts\n#EXT-X-ENDLIST\n",
+    "live.m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nvideo.ts\n",
+    "itself.m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nitself.m3u8\n#EXT-X-ENDLIST\n",
+    "far.m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n#EXT-X-ENDLIST\n",
+    "a.ffconcat": "ffconcat version 1.0\nfile video.ts\n",
+    "a.mp4": "ffconcat version 1.0\nfile video.ts\n",
+    "gone.ffconcat": "ffconcat version 1.0\nfile gone.mp4\n",
+    "a.sdp": "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 5004 RTP/AVP 96\n"
+    "a=rtpmap:96 H264/90000\n",
+}
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_what_names_other_files_is_refused_and_none_of_them_is_looked_for(name: str, tmp_path: Path) -> None:
+    """A change of those would be seen by nobody: they are in no fingerprint."""
+    write(tmp_path / "video.ts", range(8))
+    (tmp_path / name).write_text(LISTS[name])
+    words = rf"{name}: is a list of other files, .*; join them .*\(ffmpeg -i {name} -c copy joined\.mkv\)$"
+    with pytest.raises(VideoError, match=words):
+        look(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["a.m3u8", "a.mpd", "a.mp4", "a.txt"])
+def test_text_that_is_no_list_is_no_video(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text("nothing\n" * 9)
+    with pytest.raises(VideoError, match="is not a video, or it is damaged from the start"):
+        look(tmp_path / name)

@@ -24,6 +24,25 @@ from zsmoseg.video.bounds import PIXELS
 UInt8 = NDArray[np.uint8]
 LIMIT = {"max_pixels": str(PIXELS)}
 """For FFmpeg: a stream may state another size in its middle than in its head."""
+ELSEWHERE = {
+    "concat",
+    "dash",
+    "hls",
+    "image2",
+    "imf",
+    "lavfi",
+    "rtp",
+    "rtsp",
+    "sap",
+    "sdp",
+    "vobsub",
+    "webm_dash_manifest",
+}
+"""Formats of FFmpeg that say where the pictures are instead of holding them."""
+OWN = {"format_whitelist": ",".join(sorted(av.formats_available - ELSEWHERE)), "protocol_whitelist": "file"}
+"""For FFmpeg: what a file does not hold itself is in no fingerprint, and is not looked for."""
+HEAD = 1 << 10
+"""Bytes that tell text from pictures."""
 
 
 @classmethod  # type: ignore[misc]
@@ -40,6 +59,33 @@ Type._missing_ = _unnamed  # type: ignore[method-assign, assignment]
 def media(path: str | Path) -> str:
     """A path, or the copy of a URL, as FFmpeg takes it: what stands before a colon in it is no protocol."""
     return f"file:{places.here(str(path))}"
+
+
+def opened(path: str) -> Any:
+    """A video file, to be read.
+
+    Raises
+    ------
+    VideoError
+        If it names other files instead of holding pictures.
+    av.error.FFmpegError
+        If FFmpeg cannot open it.
+    """
+    try:
+        return av.open(media(path), options=OWN)
+    except av.error.ArgumentError as error:
+        if not _is_text(path):
+            raise
+        raise VideoError(
+            f"{path}: is a list of other files, which may change without anybody seeing it; join them into one file first "
+            f"(ffmpeg -i {Path(path).name} -c copy joined.mkv)"
+        ) from error
+
+
+def _is_text(path: str) -> bool:
+    """Whether a file begins as lists do, and pictures do not."""
+    with open(places.here(path), "rb") as file:
+        return b"\0" not in file.read(HEAD)
 
 
 def _picture(frame: Any) -> UInt8:
@@ -145,7 +191,7 @@ class Decoder:
         self.close()
         key, sure = (int(self.keys[max(n, 0)]) for n in (at, trusted))
         try:
-            self._container = av.open(media(self.path))
+            self._container = opened(self.path)
         except (av.error.FFmpegError, OSError) as error:
             raise VideoError(f"{self.path}: cannot be opened ({error.strerror})") from error
         stream = self._container.streams[self.way.stream]
@@ -166,7 +212,7 @@ class Decoder:
     def _strict(self) -> bool:
         """Damage is not to be painted over, except where an odd encoder makes even the first frame a damage."""
         try:
-            with av.open(media(self.path)) as container:
+            with opened(self.path) as container:
                 stream = container.streams[self.way.stream]
                 stream.codec_context.thread_count = 1
                 stream.codec_context.options = {**LIMIT, "err_detect": "explode"}

@@ -17,7 +17,7 @@ from av.stream import Disposition
 from zsmoseg.errors import VideoError
 from zsmoseg.video import times
 from zsmoseg.video.bounds import TooLarge, check_size
-from zsmoseg.video.decoding import Decoder, UInt8, Way, carries_frame, media
+from zsmoseg.video.decoding import Decoder, UInt8, Way, carries_frame, opened
 from zsmoseg.video.wholeness import is_cut_off
 
 REORDER = 16
@@ -95,7 +95,7 @@ def index(path: str, thorough: bool = False) -> Index:
         If it is not a video or its first frame cannot be decoded.
     """
     try:
-        with av.open(media(path)) as container:
+        with opened(path) as container:
             heard = _listen(path, container)
     except TooLarge as error:
         raise VideoError(f"{path}: {error}; make it smaller") from error
