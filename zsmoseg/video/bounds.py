@@ -27,11 +27,17 @@ ALSO_TURNED_BY = {"xmp", "XML:com.adobe.xmp", "Raw profile type exif"}
 
 PNG = b"\x89PNG\r\n\x1a\n"
 """How one begins."""
+PNG_END = b"IEND"
+"""Its last chunk."""
 
 warnings.filterwarnings("error", category=Image.DecompressionBombWarning)
 
 
-class TooLarge(ValueError):
+class BadHead(ValueError):
+    """A file says in its head that it is not for us; says what, and what to do."""
+
+
+class TooLarge(BadHead):
     """A file states a size that is not believed; says which, and the bound."""
 
 
@@ -68,11 +74,15 @@ def check_bytes(count: int, what: str, most: int = BYTES) -> None:
 
 
 def check_png(content: bytes) -> None:
-    """Raise ``ValueError`` if a chunk of a PNG states more bytes than there are: OpenCV makes room for them first."""
-    if content.startswith(PNG):
-        for _, begin, length in _chunks(BytesIO(content)):
-            if length > len(content) - begin:
-                raise ValueError(f"a chunk states {length} bytes, {len(content) - begin} are left")
+    """Raise ``ValueError`` for a PNG that lacks its end, which decoders make up, or whose chunks state too much, which they allocate."""
+    if not content.startswith(PNG):
+        return
+    chunks = list(_chunks(BytesIO(content)))
+    for _, begin, length in chunks:
+        if length > len(content) - begin:
+            raise ValueError(f"a chunk states {length} bytes, {len(content) - begin} are left")
+    if not chunks or chunks[-1][0] != PNG_END:
+        raise ValueError("is cut off")
 
 
 def png_chunk(stream: BinaryIO, kind: bytes) -> bytes:
@@ -86,17 +96,21 @@ def png_chunk(stream: BinaryIO, kind: bytes) -> bytes:
     for found, _, length in _chunks(stream):
         if found == kind:
             return stream.read(min(length, MOST_TAGS))
-        if found == b"IEND":
+        if found == PNG_END:
             return b""
     raise ValueError("is cut off")
 
 
 def _chunks(stream: BinaryIO) -> Iterator[tuple[bytes, int, int]]:
-    """Kind, begin and stated length of the content of every chunk of a PNG; the stream stands where it begins."""
-    begin = len(PNG) + 8
-    while stream.seek(begin - 8) and len(head := stream.read(8)) == 8:
+    """Kind, begin and stated length of the content of every chunk of a PNG; the stream stands where it begins.
+
+    What other programs write behind the last counts for nothing.
+    """
+    begin, kind = len(PNG) + 8, b""
+    while kind != PNG_END and stream.seek(begin - 8) and len(head := stream.read(8)) == 8:
         (length,) = struct.unpack_from(">I", head)
-        yield head[4:], begin, length
+        kind = head[4:]
+        yield kind, begin, length
         begin += length + 12
 
 

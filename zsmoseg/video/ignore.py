@@ -12,7 +12,7 @@ from PIL import ImageOps
 
 from zsmoseg.errors import SettingsError, VideoError
 from zsmoseg.video import places
-from zsmoseg.video.bounds import open_image
+from zsmoseg.video.bounds import BadHead, open_image
 from zsmoseg.video.pixels import pixels
 
 Bools = NDArray[np.bool_]
@@ -73,6 +73,8 @@ def _shown(path: str) -> Bools:
     except VideoError as error:
         if isinstance(cause := error.__cause__, OSError) and cause.strerror:
             raise SettingsError(f"{path}: the ignore mask cannot be read ({cause.strerror})") from error
+        if isinstance(cause, BadHead):
+            raise SettingsError(f"{path}: the ignore mask {cause}; give a PNG to --ignore") from error
         image = None
     if image is None:
         raise SettingsError(f"{path}: the ignore mask cannot be read as an image; give a PNG to --ignore")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -16,12 +17,18 @@ from PIL import Image
 
 from zsmoseg.errors import VideoError
 from zsmoseg.video import places
-from zsmoseg.video.bounds import PNG, TooLarge, check_png, check_size, open_image, png_chunk
+from zsmoseg.video.bounds import PNG, BadHead, check_png, check_size, open_image, png_chunk
+from zsmoseg.video.heads import check_numbers, check_single, depth
 
+cv2.utils.logging.setLogLevel(
+    cv2.utils.logging.LOG_LEVEL_SILENT
+)  # what it cannot read is told here, in words
 WIDTH, HEIGHT, ORIENTATION = 0x0100, 0x0101, 0x0112
 """EXIF tags."""
 PNG_SIZE = 16
 """Where a PNG says how wide it is."""
+JPEG = b"\xff\xd8"
+"""How one begins."""
 MARKER, END = re.compile(rb"\xff+[^\x00\x01\xd0-\xd7\xff]"), 0xD9
 """Of JPEG (ITU-T T.81, B.1.1.3): what begins a segment, also behind the data of a scan; the one that ends the picture."""
 BITS = (8, 10, 12, 14, 16)
@@ -33,16 +40,25 @@ SIDEWAYS = 5
 def image_size(file: str) -> tuple[int, int]:
     """(width, height) as displayed, from the header."""
     try:
-        with open(places.here(file), "rb") as stream, open_image(stream) as image:
+        with open(places.here(file), "rb") as stream, _opened(stream) as image:
+            check_single(image, stream)
             tags = exif(image, stream)
             width, height = image.size
             if image.format == "TIFF":  # Pillow may have turned it
                 width, height = int(tags[WIDTH]), int(tags[HEIGHT])
             return (height, width) if tags.get(ORIENTATION, 1) >= SIDEWAYS else (width, height)
-    except TooLarge as error:
+    except BadHead as error:
         raise unreadable(file, str(error)) from error
     except (OSError, SyntaxError, ValueError) as error:
         raise unreadable(file) from error
+
+
+@contextmanager
+def _opened(stream: BinaryIO) -> Iterator[Image.Image]:
+    """As ``open_image``, of numbers that are read here: Pillow says of others only that it knows none such."""
+    check_numbers(stream)
+    with open_image(stream) as image:
+        yield image
 
 
 def exif(image: Image.Image, stream: BinaryIO) -> Image.Exif:
@@ -60,27 +76,27 @@ def pixels(file: str) -> NDArray[Any] | None:
         content = Path(places.here(file)).read_bytes()
     except OSError as error:
         raise unreadable(file, f"cannot be read ({error.strerror})") from error
-    if not content or _cut_off(content):
+    if not content or (content.startswith(JPEG) and not _jpeg_ends(content)):
         return None
     try:
-        _check_size(content)
+        _check_head(content)
         check_png(content)
         flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
         return cv2.imdecode(np.frombuffer(content, np.uint8), flags)
-    except TooLarge as error:
+    except BadHead as error:
         raise unreadable(file, str(error)) from error
     except (OSError, SyntaxError, ValueError, cv2.error):
         return None
 
 
-def _check_size(content: bytes) -> None:
-    """Raise ``TooLarge`` by the head of an image; of JPEG and PNG without Pillow, which takes longer than it needs."""
+def _check_head(content: bytes) -> None:
+    """Raise ``BadHead`` by the head of an image; of JPEG and PNG without Pillow, which takes longer than it needs."""
     if content.startswith(PNG) and len(content) > PNG_SIZE + 8:
         width, height = struct.unpack_from(">II", content, PNG_SIZE)
-    elif content.startswith(b"\xff\xd8") and (place := _jpeg_frame(content)):
+    elif content.startswith(JPEG) and (place := _jpeg_frame(content)):
         height, width = struct.unpack_from(">HH", content, place + 5)
     else:
-        with open_image(BytesIO(content)):
+        with _opened(BytesIO(content)):
             return
     check_size(height, width)
 
@@ -97,15 +113,8 @@ def _jpeg_frame(content: bytes) -> int | None:
     return None
 
 
-def _cut_off(content: bytes) -> bool:
-    """Whether a JPEG or PNG lacks its end, which decoders fill with grey or black and do not mention."""
-    if content.startswith(b"\xff\xd8"):
-        return not _jpeg_ends(content)
-    return content.startswith(b"\x89PNG") and b"IEND" not in content
-
-
 def _jpeg_ends(content: bytes) -> bool:
-    """Whether the picture is closed: cameras write more behind it, and what stands in segments is none of its end."""
+    """Whether the picture is closed, which decoders fill with grey otherwise: cameras write more behind it, and what stands in segments is none of its end."""
     place = 2
     while found := MARKER.search(content, place):
         place = found.end()
@@ -116,12 +125,18 @@ def _jpeg_ends(content: bytes) -> bool:
 
 
 def value_bits(files: Sequence[str]) -> tuple[int, int]:
-    """How many bits of images with 16 are used, as cameras fill them, and the largest value; 16 of others."""
-    first = pixels(files[0])
-    if first is None or first.dtype != np.uint16:
-        return BITS[-1], 0
-    largest = max(int(image.max()) for image in map(pixels, files) if image is not None)
-    return next(bits for bits in BITS if largest < 1 << bits), largest
+    """How many bits of those images with 16 are used, as cameras fill them, and the largest value; 16 where there are none."""
+    largest = 0
+    for file in filter(_is_deep, files):
+        image = pixels(file)
+        if image is not None and image.dtype == np.uint16:
+            largest = max(largest, int(image.max()))
+    return (next(bits for bits in BITS if largest < 1 << bits) if largest else BITS[-1]), largest
+
+
+def _is_deep(file: str) -> bool:
+    with open(places.here(file), "rb") as stream:
+        return depth(stream) > BITS[0]
 
 
 def unreadable(file: str, why: str = "cannot be read as an image") -> VideoError:
