@@ -86,6 +86,50 @@ def test_what_one_sees_is_ignored(kind: str, tmp_path: Path) -> None:
     assert describe_ignore(path, HEIGHT, WIDTH).startswith("ignored: 1")
 
 
+def marks(count: int, kind: str) -> np.ndarray:
+    """Ids from 1 on, on black."""
+    image = np.zeros((HEIGHT, WIDTH), np.uint16)
+    for n in range(count):
+        y, x = 6 + 12 * (n // 13), 6 + 12 * (n % 13)
+        if kind == "discs":
+            cv2.circle(image, (x, y), 4, n + 1, -1)
+        elif kind == "boxes":
+            image[y - 6 : y + 6, x - 6 : x + 6] = n + 1
+        else:
+            image[y - 1 : y + 2, x - 5 : x + 6] = n + 1
+    return image
+
+
+@pytest.mark.parametrize("kind", ["discs", "boxes", "lines"])
+@pytest.mark.parametrize("count", [3, 17, 30, 117])
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+def test_every_id_is_ignored_however_many_there_are(
+    depth: type[Any], count: int, kind: str, tmp_path: Path
+) -> None:
+    image = marks(count, kind).astype(depth)
+    path = str(png(tmp_path / "m.png", image))
+    np.testing.assert_array_equal(read_ignore(path, HEIGHT, WIDTH), image > 0)
+    assert describe_ignore(path, HEIGHT, WIDTH).endswith(" of every frame (m.png)")
+
+
+SHADES: dict[str, Callable[[Path], Path]] = {
+    "soft": lambda p: png(p / "m.png", cv2.GaussianBlur(GREY, (0, 0), 5)),
+    "softer": lambda p: png(p / "m.png", cv2.GaussianBlur(GREY, (0, 0), 7)),
+    "JPEG": DRAWN["JPEG"],
+    "black that is not quite": lambda p: png(p / "m.png", np.maximum(cv2.GaussianBlur(GREY, (0, 0), 5), 1)),
+    "soft, tilted": lambda p: png(
+        p / "m.png", np.clip((np.mgrid[:HEIGHT, :WIDTH][0] - 90) * 13, 0, 255).astype(np.uint8)
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", SHADES)
+def test_of_shades_the_brighter_half_is_ignored_and_the_rule_is_told(kind: str, tmp_path: Path) -> None:
+    path = str(SHADES[kind](tmp_path))
+    assert (read_ignore(path, HEIGHT, WIDTH) != WANTED).mean() < 0.01
+    assert describe_ignore(path, HEIGHT, WIDTH).endswith(", of its shades what is brighter than half)")
+
+
 @pytest.mark.parametrize(("height", "width"), [(240, 320), (60, 80), (1080, 1440), (61, 81), (122, 163)])
 def test_a_scale_of_the_frames_is_taken_and_said(height: int, width: int, tmp_path: Path) -> None:
     path = str(png(tmp_path / "m.png", cv2.resize(GREY, (width, height), interpolation=cv2.INTER_NEAREST)))

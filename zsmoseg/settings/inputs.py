@@ -31,7 +31,7 @@ class Video(Section):
     )
 
 
-SEEN = b"alpha, palette, noise: "
+SEEN = b"alpha, palette, noise, marks: "
 """How masks are read, before their content in keys: another way of reading the same file is another mask."""
 
 

@@ -45,4 +45,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Frames]:
     yield Frames(start=part.start, stop=part.stop, image=np.asarray(np.stack(small), np.uint8))
 
 
-STAGE = Stage("frames", 3, task, Inputs, Sections, Frames, cost=(1.7, 302.7), memory=Memory(working=14))
+STAGE = Stage("frames", 4, task, Inputs, Sections, Frames, cost=(1.7, 302.7), memory=Memory(working=14))
