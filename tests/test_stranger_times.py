@@ -146,6 +146,8 @@ MAKERS: dict[str, tuple[Callable[[Path], Path], str]] = {
     ),
     "joined, MPEG-2": (lambda p: two(p, "ts", "mpeg2video", bf="2"), "starts again at frame 20"),
     "joined, an hour later": (lambda p: two(p, "ts", "libx264", moved(3600)), "jumps or .* at frame 20"),
+    "joined, 15 s later": (lambda p: two(p, "ts", "libx264", moved(15)), "jumps or .* at frame 20"),
+    "joined, 50 h later": (lambda p: two(p, "ts", "libx264", moved(180_000)), "jumps or .* at frame 20"),
     "joined, half a frame later": (lambda p: two(p, "ts", "libx264", moved(0.02)), "at frame 20"),
     "joined program streams": (
         lambda p: two(p, "vob", "mpeg2video", bf="2"),
@@ -257,6 +259,37 @@ def test_times_are_put_right_where_they_are_wrong(
     clock = settle(said, None, 100)
     assert clock.times == pytest.approx(expected)
     assert (clock.restarts, clock.unsaid) == (restarts, unsaid)
+
+
+@pytest.mark.parametrize("longest", [10, 108_000])
+@pytest.mark.parametrize("jump", [1.05, 1.2, 1.5, 1.9, 1.999, 2.1, 3, 10, -0.5, -1.5, -20])
+@pytest.mark.parametrize("lacking", [(), (5,), (6,), (4, 5), (6, 7), (5, 6)])
+def test_a_jump_of_any_length_is_one_whatever_frames_beside_it_say_nothing(
+    longest: float, jump: float, lacking: tuple[int, ...]
+) -> None:
+    said = [None if n in lacking else 0.04 * n + jump * longest * (n >= 6) for n in range(12)]
+    clock = settle(said, None, longest)
+    assert clock.times == pytest.approx([0.04 * n for n in range(12)], abs=1e-6)
+    assert clock.restarts == [next(n for n in range(6, 12) if n not in lacking)]
+    assert clock.unsaid == len(lacking)
+
+
+@pytest.mark.parametrize("pause", [0.1, 0.5, 0.99])
+@pytest.mark.parametrize("lacking", [(), (5,), (6,), (5, 6)])
+def test_a_pause_that_is_no_jump_is_kept_whatever_frames_beside_it_say_nothing(
+    pause: float, lacking: tuple[int, ...]
+) -> None:
+    said = [None if n in lacking else 0.04 * n + 10 * pause * (n >= 6) for n in range(12)]
+    clock = settle(said, None, 10)
+    assert clock.times[-1] == pytest.approx(0.44 + 10 * pause)
+    assert (clock.restarts, clock.unsaid) == ([], len(lacking))
+
+
+@pytest.mark.parametrize("wrong", [-50, -0.5, 0.3, 5, 15, 500])
+def test_one_time_that_is_wrong_is_no_jump(wrong: float) -> None:
+    clock = settle([wrong if n == 6 else 0.04 * n for n in range(12)], None, 10)
+    assert clock.times == pytest.approx([0.04 * n for n in range(12)])
+    assert (clock.restarts, clock.unsaid) == ([], 1)
 
 
 def test_times_are_always_later_than_those_before_them() -> None:

@@ -55,10 +55,13 @@ def settle(said: Sequence[float | None], rate: Fraction | None, longest: float) 
     known = [(n, time) for n, time in enumerate(said) if time is not None]
     places, times, restarts, offset = [known[0][0]], [known[0][1]], [], 0.0
     for k, (n, time) in enumerate(known[1:], start=1):
-        now, last, most = time + offset, times[-1], longest * (n - places[-1])
-        after = known[k + 1][1] + offset if k + 1 < len(known) else None
+        now, last = time + offset, times[-1]
+        most = longest + step * (n - places[-1] - 1)  # one pause, however many frames between say nothing
+        following, after = (
+            (known[k + 1][0] - n, known[k + 1][1] + offset) if k + 1 < len(known) else (0, last)
+        )
         fits = 0 < now - last <= most
-        if after is not None and (not fits or after < now) and 0 < after - last <= most + longest:
+        if (not fits or after < now) and 0 < after - last <= most + step * following:
             continue  # this time alone is wrong
         if not fits:
             if time == known[k - 1][1]:
