@@ -223,6 +223,49 @@ def test_a_file_that_lacks_its_end_is_told_from_one_that_promised_too_much(
     assert 10 < len(looked.times) < 40
 
 
+class Pipe:
+    """A file to which nobody comes back, to write how long it became."""
+
+    def __init__(self, path: Path) -> None:
+        self.file = path.open("wb")
+
+    def write(self, data: bytes) -> int:
+        return self.file.write(data)
+
+
+PIPED = [("avi", "mpeg4", {}), ("avi", "mjpeg", {}), ("matroska", "libx264", {}), ("matroska", "libx264", {"live": "1"}),
+         ("webm", "libvpx", {}), ("mp4", "libx264", {"movflags": "frag_keyframe+empty_moov"}), ("flv", "libx264", {}), ("asf", "mpeg4", {}),
+         ("nut", "libx264", {})]  # fmt: skip
+
+
+@pytest.mark.parametrize(("form", "codec", "options"), PIPED)
+def test_what_was_written_to_a_pipe_is_whole(
+    form: str, codec: str, options: dict[str, str], tmp_path: Path
+) -> None:
+    pipe = Pipe(tmp_path / "a")
+    with pipe.file, av.open(pipe, "w", format=form, options=options) as container:
+        add(container, ALL, codec, bf="0")
+    looked = look(tmp_path / "a")
+    assert numbers(looked) == ALL
+    assert looked.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "by", "size"),
+    [("a.avi", b"RIFF", 4, bytes(4)), ("a.avi", b"RIFF", 4, b"\xff" * 4), ("a.mp4", b"mdat", -4, bytes(4))],
+)
+def test_a_size_that_is_not_known_is_no_sign_of_a_cut(
+    name: str, place: bytes, by: int, size: bytes, tmp_path: Path
+) -> None:
+    with av.open(str(tmp_path / name), "w", format=name[2:], options={"movflags": "faststart"}) as container:
+        add(container, ALL, "mpeg4", bf="0")
+    data = bytearray((tmp_path / name).read_bytes())
+    at = data.rindex(place) + by
+    data[at : at + 4] = size
+    (tmp_path / name).write_bytes(bytes(data))
+    assert numbers(look(tmp_path / name)) == ALL
+
+
 # ---------------------------------------------------------------------- what frames carry
 def pictures(count: int, orientation: int) -> list[bytes]:
     """JPEGs as cameras write them, which say in their EXIF how they are held."""

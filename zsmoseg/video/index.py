@@ -33,6 +33,8 @@ BROADCAST = 0x0200
 """Of a format of FFmpeg: its clock may start again (``AVFMT_TS_DISCONT``)."""
 STILL = Disposition.attached_pic | Disposition.timed_thumbnails | Disposition.still_image
 """Of streams that are pictures of a video."""
+PIPED = 1 << 30
+"""Frames that FFmpeg writes into the head of an AVI before it knows how many there will be."""
 SAME_LENGTH = 0.9
 """Share of the length of the longest stream from which another is as long."""
 
@@ -166,6 +168,8 @@ def _length(packets: Sequence[Packet]) -> int:
 
 def _duration(container: Any, stream: Any) -> float:
     """Seconds of the picture by the headers; 0 where they do not say."""
+    if container.format.name == "avi" and not 0 < stream.frames < PIPED:
+        return 0.0  # FFmpeg guesses by the size of the file
     if stream.duration:
         return float(stream.duration * stream.time_base)
     said = [container.duration / av.time_base] if container.duration else []

@@ -10,6 +10,8 @@ from zsmoseg.video import places
 
 EBML, SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 """Identifiers of Matroska and WebM (RFC 8794, RFC 9559)."""
+UNKNOWN = {0, (1 << 32) - 1}
+"""Lengths of a RIFF that who wrote it did not come back to."""
 Chunk = Callable[[BinaryIO], "int | None"]
 """The length of the chunk that begins where a file stands; None where it does not say."""
 
@@ -59,9 +61,10 @@ def _element(file: BinaryIO) -> int | None:
 
 
 def _riff(file: BinaryIO) -> int | None:
-    """Name and size of the rest, little endian; one after another in large files."""
+    """Name and size of the rest, little endian; one after another in large files; all ones or 0 where it was written to a pipe."""
     head = file.read(8)
-    return 8 + int.from_bytes(head[4:], "little") if head.startswith(b"RIFF") else None
+    length = int.from_bytes(head[4:], "little")
+    return 8 + length if head.startswith(b"RIFF") and length not in UNKNOWN else None
 
 
 CHUNKS: dict[str, Chunk] = {"mp4": _box, "matroska": _element, "avi": _riff}
