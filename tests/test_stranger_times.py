@@ -13,7 +13,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from coded import Change, coded, evenly, look, numbers, write
+from coded import Change, coded, decoded, evenly, look, numbers, write
 from runs import segment
 
 from zsmoseg.errors import SettingsError, VideoError
@@ -212,14 +212,73 @@ def test_damage_is_named_where_frames_have_places_instead_of_times(kind: str, tm
     assert evenly(looked.times)
 
 
-def test_what_was_recorded_before_the_first_key_frame_is_passed_over(tmp_path: Path) -> None:
-    for form in ("h264", "ts"):
-        whole = write(tmp_path / f"a.{form}", bf="0").read_bytes()
-        with av.open(str(tmp_path / f"a.{form}")) as container:
-            place = [p.pos for p in container.demux(video=0) if p.size][3]
-        (tmp_path / f"late.{form}").write_bytes(whole[place:])
-        looked = look(tmp_path / f"late.{form}")
-        assert numbers(looked) == ALL[12:]
+REFRESH = {"x264-params": "intra-refresh=1:keyint=10:bframes=0:scenecut=0:log-level=none"}
+CUT: dict[str, tuple[str, int, dict[str, str]]] = {
+    "before a key frame": ("libx264", 3, {"bf": "0"}),
+    "before a key frame, B": ("libx264", 5, {"bf": "2"}),
+    "just behind one": ("libx264", 13, {"bf": "0"}),
+    "MPEG-2": ("mpeg2video", 3, {"bf": "0"}),
+    "HEVC": ("libx265", 3, {"x265-params": "log-level=none:bframes=0"}),
+    "open groups": ("libx264", 3, {"bf": "2", "x264-params": "open-gop=1:log-level=none"}),
+    "refreshed bit by bit": ("libx264", 5, REFRESH),
+    "refreshed bit by bit, later": ("libx264", 17, REFRESH),
+    "refreshed bit by bit, at once": ("libx264", 10, REFRESH),
+}
+"""Codec, first packet that is left, options."""
+
+
+@pytest.mark.parametrize("kind", CUT)
+def test_what_was_recorded_before_the_first_frame_that_can_be_decoded_is_passed_over_and_counted(
+    kind: str, tmp_path: Path
+) -> None:
+    codec, cut, options = CUT[kind]
+    whole = write(tmp_path / "a.ts", ALL, codec, **options)
+    assert numbers(look(whole)) == ALL
+    with av.open(str(whole)) as source, av.open(str(tmp_path / "late.ts"), "w") as container:
+        stream = container.add_stream_from_template(source.streams.video[0])
+        for packet in [p for p in source.demux(video=0) if p.size][cut:]:
+            packet.stream = stream
+            container.mux(packet)
+    with av.open(str(tmp_path / "late.ts")) as container:
+        plain = [decoded(frame.to_ndarray(format="bgr24")) for frame in container.decode(video=0)]
+    looked = look(tmp_path / "late.ts")
+    assert numbers(looked) == plain == ALL[plain[0] :]
+    assert looked.times[0] == 0
+    assert evenly(looked.times)
+    assert len(looked.notes) == 1
+    told = re.fullmatch(
+        r"its first (\d+) of (\d+) frames cannot be decoded by themselves: they are passed over",
+        looked.notes[0],
+    )
+    assert told
+    assert int(told[2]) - int(told[1]) == len(plain)
+    for n in (len(plain) - 2, 3, 6):
+        assert decoded(next(read(looked, n, n + 1))) == plain[n]
+
+
+def test_bare_streams_pass_over_what_was_recorded_before_the_first_key_frame_too(tmp_path: Path) -> None:
+    whole = write(tmp_path / "a.h264", bf="0").read_bytes()
+    with av.open(str(tmp_path / "a.h264")) as container:
+        place = [p.pos for p in container.demux(video=0) if p.size][3]
+    (tmp_path / "late.h264").write_bytes(whole[place:])
+    looked = look(tmp_path / "late.h264")
+    assert numbers(looked) == ALL[12:]
+    assert any(re.match(r"9 of 37 packets give no frame", note) for note in looked.notes)
+
+
+@pytest.mark.parametrize(
+    ("form", "codec"), [("ts", "mpeg2video"), ("mkv", "mpeg4"), ("ts", "libx264"), ("mkv", "libx264")]
+)
+def test_a_first_key_frame_that_is_damaged_is_not_passed_over(form: str, codec: str, tmp_path: Path) -> None:
+    path = write(tmp_path / f"a.{form}", codec=codec, bf="0")
+    with av.open(str(path)) as container:
+        begin, end = [p.pos for p in container.demux(video=0) if p.size][:2]
+    data = bytearray(path.read_bytes())
+    for at in range(end - (end - begin) // 10, end):
+        data[at] ^= 0x5A * (form == "mkv" or at % 188 > 30)
+    path.write_bytes(bytes(data))
+    with pytest.raises(VideoError, match=r"is damaged: its first frame cannot be decoded"):
+        look(path)
 
 
 @pytest.mark.parametrize("form", ["mkv", "mp4"])

@@ -152,6 +152,16 @@ class Decoder:
             self.close()
         return order, True
 
+    def earliest(self) -> int | None:
+        """The presentation time of the first frame that comes out; None if damage comes first."""
+        self._start(0, 0)
+        try:
+            return next((None if frame.is_corrupt else now for now, frame in self._stream), None)
+        except av.error.FFmpegError:
+            return None
+        finally:
+            self.close()
+
     def _frame(self, pts: int) -> UInt8:
         at = int(np.searchsorted(self.keys, pts, "right"))
         if not self._near(pts, at):

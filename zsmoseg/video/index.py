@@ -199,14 +199,10 @@ def _by_time(path: str, heard: Heard, thorough: bool) -> Index:
     pts = tuple(sorted(p.pts for p in shown if p.pts is not None))
     keys = tuple(sorted(p.pts for p in shown if p.key and p.pts is not None)) or pts[:1]
     way, base = Way(heard.way.stream, keys), float(heard.base)
-    first = _picture(path, way, pts[0])
-    if first is None:  # the source was cut out before an open group: frames that lean on what was cut off
-        pts = pts[bisect_left(pts, keys[0]) :]
-        first = _picture(path, way, pts[0]) if pts else None
-    if first is None:
-        raise VideoError(f"{path}: is not a video, or it is damaged: its first frame cannot be decoded")
+    before = len(pts)
+    pts, first = _first(path, way, pts)
     steps = np.diff(pts) if len(pts) > 1 else np.array([1])
-    rest = heard.duration - _seen(shown, pts, int(np.median(steps))) * base
+    rest = heard.duration - _seen(shown, int(np.median(steps))) * base
     lacking = rest > LACKING * steps.max() * base
     cut = (lacking or not heard.duration) and is_cut_off(path, heard.format)
     group = bisect_left(pts, max((k for k in keys if k <= pts[-1]), default=pts[0]))
@@ -217,13 +213,38 @@ def _by_time(path: str, heard: Heard, thorough: bool) -> Index:
     clock = times.settle([(p - pts[0]) * base for p in pts], heard.rate, _jump(heard))
     height, width = first.shape[:2]
     notes = _notes(clock, len(pts), rest if lacking and not cut else 0.0)
+    if early := before - len(pts):
+        notes += (
+            f"its first {early} of {before} frames cannot be decoded by themselves: they are passed over",
+        )
     done = decodable == len(pts) and not cut
     return Index(way, pts, tuple(clock.times), height, width, decodable, done, notes)
 
 
-def _seen(packets: Sequence[Packet], pts: Sequence[int], step: int) -> int:
+def _first(path: str, way: Way, pts: tuple[int, ...]) -> tuple[tuple[int, ...], UInt8]:
+    """The times from the first frame that can be decoded on, and its picture.
+
+    A source that was cut out of another may begin before a key frame, with an open group, or where pictures are refreshed
+    bit by bit.
+
+    Raises
+    ------
+    VideoError
+        If none comes out, or the first key frame is damaged.
+    """
+    for find in (lambda: pts[0], lambda: way.keys[0], Decoder(path, way).earliest):
+        start = find()
+        rest = () if start is None else pts[bisect_left(pts, start) :]
+        first = _picture(path, way, rest[0]) if rest else None
+        if first is not None:
+            return rest, first
+    raise VideoError(f"{path}: is not a video, or it is damaged: its first frame cannot be decoded")
+
+
+def _seen(packets: Sequence[Packet], step: int) -> int:
     """How long the frames are shown that are there, in units of time."""
-    return max(p.pts + (p.duration or step) for p in packets if p.pts is not None) - pts[0]
+    times = [(p.pts, p.duration or step) for p in packets if p.pts is not None]
+    return max(start + shown for start, shown in times) - min(times)[0]
 
 
 def _picture(path: str, way: Way, pts: int) -> UInt8 | None:
