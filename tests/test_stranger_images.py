@@ -94,6 +94,20 @@ def test_of_damage_nothing_is_said_but_one_line(
     assert "ERROR" not in capfd.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("ending", "more"), [("png", {}), ("tif", {}), ("tif", {"big_tiff": True}), ("jpg", {})]
+)
+@pytest.mark.parametrize("length", [0, 3, 8, 9, 15, 16, 20, 24, 25, 30])
+@pytest.mark.filterwarnings("ignore::UserWarning:PIL.TiffImagePlugin")
+def test_a_head_that_is_cut_off_is_no_image(
+    length: int, ending: str, more: dict[str, Any], tmp_path: Path
+) -> None:
+    path = folder(tmp_path / "a", ending, lambda p, n: picture(n).save(p, **more))
+    (path / f"1.{ending}").write_bytes((path / f"1.{ending}").read_bytes()[:length])
+    with pytest.raises(VideoError, match=rf"a/1\.{ending}: cannot be read as an image; replace it"):
+        look(path)
+
+
 @pytest.mark.parametrize("ending", ["png", "tif"])
 @pytest.mark.parametrize("bits", [10, 12, 14])
 @pytest.mark.parametrize("deep", [[3], [0, 1], [1, 3], [0, 1, 2, 3]])

@@ -31,6 +31,9 @@ PNG_END = b"IEND"
 """Its last chunk."""
 
 warnings.filterwarnings("error", category=Image.DecompressionBombWarning)
+warnings.filterwarnings(
+    "ignore", module=r"PIL\.TiffImagePlugin"
+)  # what cannot be read of a head is told in words
 
 
 class BadHead(ValueError):

@@ -49,8 +49,8 @@ def depth(stream: BinaryIO) -> int:
     """Bits of a value of a PNG or TIFF; 8 of others."""
     stream.seek(0)
     head = stream.read(PNG_BITS + 1)
-    if head.startswith(PNG):
-        return head[-1]
+    if head.startswith(PNG) and len(head) > PNG_BITS:
+        return head[PNG_BITS]
     return next((max(_numbers(page, BITS)) for page in _pages(stream)), 8)
 
 
@@ -71,10 +71,10 @@ def _pages(stream: BinaryIO) -> Iterator[ImageFileDirectory_v2]:
     """
     size = stream.seek(0, SEEK_END)
     stream.seek(0)
-    head = stream.read(8)
-    if len(head) < 8 or not head.startswith(tuple(PREFIXES)):
+    head = stream.read(16)
+    if len(head) < 16 or not head.startswith(tuple(PREFIXES)):
         return
-    tags, seen = ImageFileDirectory_v2(head + (stream.read(8) if BIG in head[2:4] else b"")), {0}
+    tags, seen = ImageFileDirectory_v2(head if BIG in head[2:4] else head[:8]), {0}
     if tags.next >= size:
         raise ValueError("is cut off")
     while tags.next not in seen and tags.next < size:

@@ -18,13 +18,13 @@ from PIL import Image
 from zsmoseg.errors import VideoError
 from zsmoseg.video import places
 from zsmoseg.video.bounds import PNG, BadHead, check_png, check_size, open_image, png_chunk
-from zsmoseg.video.heads import check_numbers, check_single, depth
+from zsmoseg.video.heads import HEIGHT, WIDTH, check_numbers, check_single, depth
 
-cv2.utils.logging.setLogLevel(
-    cv2.utils.logging.LOG_LEVEL_SILENT
-)  # what it cannot read is told here, in words
-WIDTH, HEIGHT, ORIENTATION = 0x0100, 0x0101, 0x0112
-"""EXIF tags."""
+# What it cannot read is told here, in words.
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+
+ORIENTATION = 0x0112
+"""EXIF tag."""
 PNG_SIZE = 16
 """Where a PNG says how wide it is."""
 JPEG = b"\xff\xd8"
