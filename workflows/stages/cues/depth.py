@@ -83,8 +83,8 @@ def _constant(s: Sections) -> bool:
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Depth]:
     """Depth of one chunk."""
     if not _constant(s):
-        depth = np.stack(list(BACKENDS[s.depth.source](part, s)))
-        depth = depth.clip(-LARGEST, LARGEST).astype(np.float16)
+        found = np.stack(list(BACKENDS[s.depth.source](part, s)))
+        depth = found.clip(-LARGEST, LARGEST).astype(np.float16)
         yield Depth(start=part.start, stop=part.stop, inverse_depth=depth)
 
 
