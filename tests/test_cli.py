@@ -15,7 +15,7 @@ import pytest
 from conftest import draw_clip, write_folder
 
 from zsmoseg.workflows.cli import COMMANDS, main
-from zsmoseg.workflows.running import cluster
+from zsmoseg.workflows.running import scheduler
 
 QUICK = ["--scheduler", "serial"]
 
@@ -415,7 +415,7 @@ def test_a_run_that_is_refused_leaves_no_store_and_takes_none_away(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(cluster, "CONNECT", 0.5)
+    monkeypatch.setattr(scheduler, "CONNECT", 0.5)
     if why == "output":
         (tmp_path / "out" / "disc").mkdir(parents=True)
         (tmp_path / "out" / "disc" / "holiday.png").write_bytes(b"x")

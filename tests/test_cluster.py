@@ -7,12 +7,15 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread, Timer
 from typing import Any
 
 import av
@@ -26,17 +29,17 @@ from conftest import draw_clip
 from runs import data_bytes, masks, segment
 
 from zsmoseg import __version__
-from zsmoseg.errors import ClusterError
+from zsmoseg.errors import ClusterError, SettingsError
 from zsmoseg.settings import resolve
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.cli.run import execution_options
 from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running import cluster as module
-from zsmoseg.workflows.running import deadlines, driving, local_cluster
+from zsmoseg.workflows.running import deadlines, driving, local_cluster, scheduler
 from zsmoseg.workflows.running.cluster import Dask
 from zsmoseg.workflows.running.jobs import Outcome
 from zsmoseg.workflows.running.request import Quiet, Report, Request
-from zsmoseg.workflows.running.run import run
+from zsmoseg.workflows.running.run import dry_run, run
 from zsmoseg.workflows.running.workers import Needs, look
 
 ROOT = Path(__file__).parents[1]
@@ -474,7 +477,7 @@ def test_the_address_in_the_environment_is_the_default_and_the_option_wins(
 def test_nobody_answers_at_an_address(
     clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "CONNECT", 1.0)
+    monkeypatch.setattr(scheduler, "CONNECT", 1.0)
     where = ["--scheduler", "tcp://127.0.0.1:9"]
     assert main(["run", str(clip), "-o", str(tmp_path / "out"), *where]) == 2
     assert "no Dask scheduler answers there" in capsys.readouterr().err
@@ -483,6 +486,148 @@ def test_nobody_answers_at_an_address(
 def test_a_scheduler_file_that_never_comes(tmp_path: Path) -> None:
     with pytest.raises(ClusterError, match="no scheduler file"), Dask(str(tmp_path / "s.json"), patience=1):
         raise AssertionError("it started")
+
+
+@contextmanager
+def taken_port(kind: str, cluster: Cluster) -> Iterator[str]:
+    """The address of somebody who takes connections and is no scheduler that answers."""
+    with ExitStack() as stack:
+        if kind == "stopped":
+            cluster.scheduler.send_signal(signal.SIGSTOP)
+            stack.callback(cluster.scheduler.send_signal, signal.SIGCONT)
+            yield str(cluster.file)
+        elif kind == "silent":
+            yield f"tcp://127.0.0.1:{stack.enter_context(socket.create_server(('127.0.0.1', 0))).getsockname()[1]}"
+        else:
+            made = stack.enter_context(ThreadingHTTPServer(("127.0.0.1", 0), BaseHTTPRequestHandler))
+            Thread(target=made.serve_forever, args=(0.05,), daemon=True).start()
+            stack.callback(made.shutdown)
+            yield f"{'tcp://' if kind == 'web' else ''}127.0.0.1:{made.server_port}"
+
+
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        ("stopped", "look whether it is stopped"),
+        ("silent", "not that of its dashboard or of another program"),
+        ("web", "a web server answers there"),
+        ("web without scheme", "a web server answers there"),
+    ],
+)
+def test_who_takes_the_connection_and_says_nothing_is_given_up_by_name(
+    kind: str, says: str, idle: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scheduler, "CONNECT", 1.0)
+    monkeypatch.setattr(scheduler, "TICK", 0.5)
+    monkeypatch.setattr(BaseHTTPRequestHandler, "log_message", lambda *_: None)
+    with taken_port(kind, idle) as address:
+        with pytest.raises(ClusterError, match=says) as error, Dask(address, patience=0.2):
+            raise AssertionError("it started")
+        assert address in str(error.value)
+
+
+def test_a_scheduler_that_wakes_is_waited_for_with_a_word(
+    idle: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scheduler, "CONNECT", 1.0)
+    said: list[str] = []
+
+    def wake(begun: float, what: str, cure: str) -> None:
+        said.append(what)
+        idle.scheduler.send_signal(signal.SIGCONT)
+        monkeypatch.setattr(scheduler, "CONNECT", 10.0)
+
+    with taken_port("stopped", idle) as file:
+        client = scheduler.connect(file, 60, wake)
+    assert client.status == "running"
+    client.close()
+    assert said[0] == f"answer of the scheduler {idle.file}"
+
+
+@pytest.mark.parametrize(
+    ("where", "says"),
+    [
+        ("nonsense", "missing port number"),
+        ("", "missing port number"),
+        ("http://127.0.0.1:80", "unknown address scheme 'http'"),
+        ("tcp://[::1", "invalid address"),
+        ("tcp://::1:80", "ipv6 needs brackets"),
+        ("tcp://127.0.0.1:99999", "ports are 1 to 65535"),
+        ("tcp://127.0.0.1:0", "ports are 1 to 65535"),
+        ("tcp://127.0.0.1:many", "invalid literal"),
+        ("tcp://:8786", "no host"),
+        (5, "is of type int"),
+        (b"tcp://127.0.0.1:1", "is of type bytes"),
+        (Path("scheduler.json"), "all as text"),
+        (None, "is of type NoneType"),
+    ],
+)
+@pytest.mark.parametrize("dry", [False, True])
+def test_what_is_no_scheduler_is_told_before_anything_is_looked_at(
+    where: Any, says: str, dry: bool, tmp_path: Path
+) -> None:
+    request = Request(["no such video"], tmp_path / "out", tmp_path / "store", scheduler=where)
+    with pytest.raises(SettingsError, match=re.escape(says)) as error:
+        list(dry_run(request)) if dry else run(request)
+    assert isinstance(where, str) is (f"--scheduler {where!r}" in str(error.value))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "tcp://there:8786",
+        "there:8786",
+        "[::1]:8786",
+        "tls://[::1]:8786",
+        "ws://there:80",
+        "inproc://there/1/2",
+    ],
+)
+def test_every_address_of_dask_may_be_one(address: str) -> None:
+    scheduler.check_scheduler(address)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b'{"address": 5}', "its address is 5"),
+        (b'{"x": 1}', "it holds no address"),
+        (b"[1]", "it holds no address"),
+        (b'"tcp://127.0.0.1:1"', "it holds no address"),
+        (b"", "it is empty"),
+        (b"\n", "it is empty"),
+        (b"garbage", "Expecting value"),
+        (b"\xff\xfe\xfd", "decode"),
+        (b'{"a":' + b"[" * 200_000, "nested too deep"),
+        (b'{"address": "nonsense"}', "missing port number"),
+        (b" " * 2000, "larger than"),
+        ("folder", "a folder"),
+        ("pipe", "a pipe or a device"),
+    ],
+)
+def test_a_bad_scheduler_file_is_named(
+    content: bytes | str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scheduler, "SETTLING", 0.1)
+    monkeypatch.setattr(scheduler, "LARGEST", 1000 if content == b" " * 2000 else scheduler.LARGEST)
+    file = tmp_path / "scheduler.json"
+    if isinstance(content, bytes):
+        file.write_bytes(content)
+    else:
+        file.mkdir() if content == "folder" else os.mkfifo(file)
+    with pytest.raises(SettingsError, match=re.escape(says)) as error:
+        scheduler.check_scheduler(str(file))
+    assert f"--scheduler {file}: is no scheduler file" in str(error.value)
+
+
+def test_a_scheduler_file_that_is_being_written_is_waited_for(tmp_path: Path) -> None:
+    file = tmp_path / "scheduler.json"
+    file.write_text('{"address":')
+    timer = Timer(0.3, file.write_text, ['{"address": "tcp://127.0.0.1:1"}'])
+    timer.start()
+    assert scheduler.scheduler_address(str(file)) == "tcp://127.0.0.1:1"
+    timer.join()
 
 
 # ------------------------------------------------------------------ the docs

@@ -14,7 +14,9 @@ from runs import masks, segment
 from zsmoseg.errors import FormatError, SettingsError
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
+from zsmoseg.video.probe import Excerpt, probe
 from zsmoseg.workflows.cli import main
+from zsmoseg.workflows.imports.contents import count_unknown, depth_of, flow_of
 from zsmoseg.workflows.result import Result, open_store
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.run import dry_run
@@ -264,6 +266,78 @@ def test_ids_too_sparse_for_tables_are_numbered_and_told(
     assert objects["origin"].tolist() == [0, 9, 40000]
     assert objects["object"].tolist() == [0, 1, 2]
     assert objects["group"].tolist() == [0, 0, 1]
+
+
+# ------------------------------------------------------------------ numbers at the ends of their range
+def read_of(kind: str, clip: Path, path: Path, grid: tuple[int, int], **settings: Any) -> list[Any]:
+    """What is taken of a file, frame by frame or pair by pair."""
+    looked = probe(str(clip), resolve().video.parameters(Excerpt))
+    take, stop = (flow_of, FRAMES - 1) if kind == "flow" else (depth_of, FRAMES)
+    section = getattr(resolve(overrides={f"{kind}.path": str(path), **settings}), kind)
+    return list(take(section, looked, 0, stop, grid))
+
+
+@pytest.mark.parametrize("grid", [(120, 160), (60, 80)])
+@pytest.mark.parametrize(
+    ("length", "known"),
+    [
+        (8 * 160.0, True),
+        (-8 * 160.0, True),
+        (8 * 160.1, False),
+        (9e8, False),
+        (-9e8, False),
+        (3e38, False),
+        (1e300, False),
+    ],
+)
+def test_flow_beyond_all_frames_is_unknown_as_in_flo(
+    length: float, known: bool, grid: tuple[int, int], brought: Path, tmp_path: Path
+) -> None:
+    flow = np.ones((FRAMES - 1, 2, 120, 160))
+    flow[2, 1, 40:50, 60:70] = length
+    np.save(tmp_path / "flow.npy", flow)
+    found = read_of("flow", brought / "disc", tmp_path / "flow.npy", grid)
+    step = 120 // grid[0]
+    for pair, (there, _) in enumerate(found):
+        assert np.isfinite(there).all() or (pair == 2 and not known)
+    inside = found[2][0][:, 40 // step : 50 // step, 60 // step : 70 // step]
+    assert np.isfinite(inside).all() == known
+    facts: dict[str, Any] = {}
+    count_unknown(facts, found[2][0][0])
+    assert facts["unknown"] == (0 if known else inside[0].size)
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-38, 1e-30, 1.0, 1e30, 1e37, 5e37])
+@pytest.mark.parametrize("kind", ["depth", "inverse-depth", "disparity"])
+@pytest.mark.parametrize("grid", [(120, 160), (60, 80)])
+def test_depth_of_any_scale_is_relative(
+    scale: float, kind: str, grid: tuple[int, int], brought: Path, tmp_path: Path
+) -> None:
+    """Warnings are errors here: nothing overflows."""
+    ramp = np.load(brought / "depth" / "disc.npy")
+    one, other = tmp_path / "one.npy", tmp_path / "other.npy"
+    np.save(one, ramp)
+    np.save(other, ramp.astype(np.float64) * scale)
+    settings = {"depth.kind": kind}
+    if scale < np.finfo(np.float32).smallest_subnormal:  # no number of float32: 0
+        if kind != "inverse-depth":
+            with pytest.raises(FormatError, match="unknown everywhere"):
+                read_of("depth", brought / "disc", other, grid, **settings)
+        return
+    expected, found = (read_of("depth", brought / "disc", path, grid, **settings) for path in (one, other))
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
+def test_one_near_pixel_leaves_depth_finite(brought: Path, tmp_path: Path) -> None:
+    values = np.load(brought / "depth" / "disc.npy")
+    values[0, 0, 0], values[1, 0, 0] = 3e38, 1e36
+    values[2, 0, 0] = np.inf
+    np.save(tmp_path / "disc.npy", values)
+    settings = {"depth.path": str(tmp_path / "disc.npy"), "depth.kind": "inverse-depth"}
+    report, _ = segment(brought / "disc", tmp_path, settings | {"proposals.path": str(brought / "masks")})
+    depth = Depth.read(result_of(report, tmp_path).artifact("depth")).inverse_depth
+    assert np.isnan(depth[2, 0, 0])
+    assert np.isfinite(np.delete(depth.ravel(), 2 * depth[0].size)).all()
 
 
 # ------------------------------------------------------------------ what bad files get

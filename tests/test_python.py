@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import subprocess
@@ -93,6 +94,22 @@ def test_a_client_or_the_address_of_a_scheduler_gives_the_same_bytes(
             root = tmp_path / name
             zsmoseg.segment(clip, out=root / "out", store=root / "store", scheduler=scheduler)
             assert data_bytes(root) == expected
+
+
+@pytest.mark.parametrize("kind", ["closed", "asynchronous"])
+def test_a_client_that_cannot_be_asked_is_refused_before_anything_is_written(
+    kind: str, clip: Path, tmp_path: Path
+) -> None:
+    async def refuse(address: str) -> None:
+        async with dask.distributed.Client(address, asynchronous=True, set_as_default=False) as client:
+            if kind == "closed":
+                await client.close()
+            with pytest.raises(SettingsError, match=f"Client is {kind}; give one that is connected"):
+                zsmoseg.segment(clip, out=tmp_path / "out", store=tmp_path / "store", scheduler=client)
+
+    with dask.distributed.LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as cluster:
+        asyncio.run(asyncio.wait_for(refuse(cluster.scheduler_address), 60))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_bad_input_is_one_error_of_the_tree(tmp_path: Path) -> None:
@@ -214,6 +231,9 @@ def test_what_progress_raises_ends_the_run_and_what_is_finished_is_kept(clip: Pa
         ({"workers": True, "scheduler": "serial"}, "workers = True"),
         ({"workers": 2, "scheduler": "serial"}, "expected 1 or more, with scheduler 'local' or none"),
         ({"preset": "default"}, "is embedded now"),
+        ({"scheduler": 5}, "scheduler: is of type int"),
+        ({"scheduler": object()}, "scheduler: is of type object"),
+        ({"scheduler": "banana"}, "is no address of a scheduler"),
     ],
 )
 def test_what_makes_no_sense_is_refused_before_anything_is_written(

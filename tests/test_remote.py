@@ -9,7 +9,7 @@ import sys
 from collections import Counter as Tally
 from collections.abc import Iterator
 from datetime import timedelta
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
@@ -282,6 +282,48 @@ def test_a_film_on_a_web_server_is_a_source(tmp_path: Path, monkeypatch: pytest.
         with pytest.raises(VideoError, match="no such file"):
             sources([f"{root}/nothing.mp4"])
         server.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("stated", "says"),
+    [
+        (10**15, "the server states 1000000.0 GB"),
+        (2**63 - 1, "the server states 9223372036.9 GB"),
+        (2000, "the content ends before the length that the server states"),
+        (1001, "the content ends before the length that the server states"),
+    ],
+)
+def test_a_length_that_cannot_be_ends_in_a_line(
+    stated: int,
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    class Stating(BaseHTTPRequestHandler):
+        def log_message(self, *words: object) -> None:
+            return
+
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Length", str(stated))
+            self.send_header("ETag", '"a"')
+            self.send_header("Last-Modified", "Wed, 01 Jan 2025 00:00:00 GMT")
+            self.end_headers()
+            if self.command == "GET":
+                self.wfile.write(bytes(1000))
+
+        do_HEAD = do_GET
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), Stating) as server:
+        Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        film = f"http://127.0.0.1:{server.server_address[1]}/film.mp4"
+        where = ["-o", str(tmp_path / "out"), "--store", str(tmp_path / "store"), "--scheduler", "serial"]
+        assert main(["run", film, *where]) == 2
+        one_line(capsys.readouterr().err, film, says)
+        server.shutdown()
+    assert list(copies.folder().iterdir()) == []
 
 
 def test_copies_stay_within_their_bound(memory: URL, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import Any, get_type_hints
 
 import pytest
@@ -120,3 +122,51 @@ def test_the_science_reads_every_setting_of_a_section_but_what_stages_read(
 
 def test_sections_are_sections() -> None:
     assert all(isinstance(section, Section) for _, section in resolve())
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"# long\n" * (1 << 16), "holds more than 256 KiB"),
+        (b"a" + b".a" * 50_000 + b" = 1", "has a line of over 500 dots"),
+        (b"flow = {a" + b' . "\xe2\x80\xa8"' * 20_000 + b" = 1}", "has a line of over 500 dots"),
+        (b"[a" + b".a" * 50_000 + b"]", "has a line of over 500 dots"),
+        (b"\n".join(b"a%d = 1" % n for n in range(20_000)), "holds 20000 settings"),
+        (b"a = " + b"[" * 100_000, "is nested too deep"),
+        ("device", "holds more than 256 KiB"),
+        ("pipe", "a named pipe may never end"),
+        ("link to a pipe", "a named pipe may never end"),
+        ("folder", "cannot be read (Is a directory)"),
+    ],
+)
+def test_no_more_is_read_than_a_file_of_settings_holds(
+    content: bytes | str, says: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "settings.toml"
+    if isinstance(content, bytes):
+        file.write_bytes(content)
+    elif content == "device":
+        file = Path("/dev/zero")
+    elif content == "folder":
+        file.mkdir()
+    else:
+        os.mkfifo(tmp_path / "pipe")
+        file.symlink_to(tmp_path / "pipe")
+        file = file if "link" in content else tmp_path / "pipe"
+    with pytest.raises(SettingsError) as error:
+        resolve(config=file)
+    assert str(error.value).startswith(f"{file}: ")
+    assert says in str(error.value)
+
+
+def test_a_pipe_of_the_shell_is_a_file_of_settings() -> None:
+    read, write = os.pipe()
+    os.write(write, b"flow.stride = 6")
+    os.close(write)
+    assert resolve(config=Path(f"/dev/fd/{read}")).flow.stride == 6
+    os.close(read)
+
+
+def test_a_value_of_too_many_dots_is_told_without_being_read() -> None:
+    with pytest.raises(SettingsError, match="--set flow: has a line of over 500 dots"):
+        parse_override("flow={a" + ".a" * 50_000 + " = 1}")

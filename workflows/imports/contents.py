@@ -32,6 +32,9 @@ UNUSED = "entries of frames that are not used"
 SHAPE = 0.05
 """Share by which the shape of a depth map may differ from the frame's: networks round sides to multiples."""
 
+FAR = 8
+"""Longer sides of a frame: whoever writes flow beyond it, in x or y, means no motion but that none is known."""
+
 
 OPEN: dict[str, Callable[[Any, Probe], Source]] = {
     "proposals": lambda s, probe: open_masks(Path(s.path), title(probe.source)),
@@ -189,12 +192,13 @@ def _source_names(probe: Probe) -> list[str]:
 def _fitting(
     flow: NDArray[np.float32], path: str, probe: Probe, pair: int, grid: tuple[int, int]
 ) -> NDArray[np.float32]:
-    """A flow of the displayed size, or of the working grid already, on the working grid."""
+    """A flow of the displayed size, or of the working grid already, on the working grid; what is too far is unknown."""
     if flow.shape[1:] not in ((probe.height, probe.width), grid):
         raise FormatError(
             _other_size(f"{path}: the flow of frame {probe.names[pair]}", flow.shape[1:], probe)
         )
-    return resized(flow, grid)
+    far = np.abs(flow).max(axis=0) > FAR * max(flow.shape[1:])
+    return resized(np.where(far, np.float32(np.nan), flow), grid)
 
 
 def _other_size(what: str, shape: tuple[int, ...], probe: Probe) -> str:

@@ -17,15 +17,12 @@ from zsmoseg.workflows.running.deadlines import STARTING, Deadlines
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
 from zsmoseg.workflows.running.local_cluster import CLOSING, start
 from zsmoseg.workflows.running.request import PATIENCE
+from zsmoseg.workflows.running.scheduler import CONNECT, TICK, connect
 from zsmoseg.workflows.running.whole import Ordered, all_failed, run_jobs
 from zsmoseg.workflows.running.workers import Needs, problems, refuse, within
 
 GPU = "GPU"
 """The resource of Dask workers with a GPU (``dask worker --resources GPU=1``): where some have it, networks run there."""
-CONNECT = 10.0
-"""Seconds for the first connection to a scheduler that runs: it takes milliseconds."""
-TICK = 1.0
-"""Seconds from one look at the cluster to the next while no result comes."""
 LOOK = 5.0
 """Seconds from one look at the cluster to the next while results come."""
 LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
@@ -104,32 +101,15 @@ class Dask:
         self._stack.close()
 
     def _connect(self) -> None:
-        from distributed import Client
-
         if self._where == "local":
+            from distributed import Client
+
             self._cluster = start(self._workers, self._stack)
             self._client = Client(self._cluster)
         elif isinstance(self._where, str):
-            file = os.path.exists(self._where) or self._where.endswith(".json")
-            if file:
-                self._wait_for_file()
-            try:
-                place = {"scheduler_file": self._where} if file else {"address": self._where}
-                self._client = Client(**place, timeout=CONNECT, set_as_default=False)
-            except Exception as error:
-                raise ClusterError(
-                    f"--scheduler {self._where}: no Dask scheduler answers there ({error or type(error).__name__}); "
-                    "give local, serial, an address or a scheduler file"
-                ) from error
+            self._client = connect(self._where, self._patience, self._wait)
         else:
             self._client = self._where
-
-    def _wait_for_file(self) -> None:
-        """A scheduler that a job script starts beside the run writes its file when it is up."""
-        begun = time.monotonic()
-        while not os.path.exists(self._where):
-            self._wait(begun, f"scheduler file {self._where}", "start the scheduler")
-            time.sleep(TICK)
 
     # ------------------------------------------------------------------ workers
     def _assemble(self) -> None:

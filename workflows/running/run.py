@@ -31,6 +31,7 @@ from zsmoseg.workflows.running.executors import make_executor
 from zsmoseg.workflows.running.first_look import make_plan
 from zsmoseg.workflows.running.guard import leave_if_imported_again
 from zsmoseg.workflows.running.request import Failure, Quiet, Report, Request, Watcher
+from zsmoseg.workflows.running.scheduler import check_scheduler
 from zsmoseg.workflows.running.workers import Needs
 
 SMALL = 15.0
@@ -60,6 +61,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     ZsmosegError
         Before anything is started: bad sources, settings, store, output folder, too little disk, no cluster.
     """
+    check_scheduler(request.scheduler)
     if request.scheduler == "local":
         leave_if_imported_again()
     watcher = watcher or Quiet()
@@ -190,6 +192,7 @@ def dry_run(request: Request) -> Iterator[str]:
     ZsmosegError
         Of a single video, why it cannot be planned.
     """
+    check_scheduler(request.scheduler)
     with system_errors_in_words():
         store = Store(files.folder(request.store))
         if files.exists(store.path):

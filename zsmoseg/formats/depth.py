@@ -172,7 +172,8 @@ def as_depth(values: Array, where: str) -> Map:
         )
     if not np.isfinite(values).any():
         raise FormatError(f"{where}: holds no finite number; leave the file out or make it anew")
-    return values.astype(np.float32)
+    with np.errstate(over="ignore"):  # beyond float32 is infinite
+        return values.astype(np.float32)
 
 
 def inverse_depth(values: NDArray[Any], kind: Kind) -> Map:
@@ -181,7 +182,7 @@ def inverse_depth(values: NDArray[Any], kind: Kind) -> Map:
     Parameters
     ----------
     values : (H, W) as stored.
-    kind : ``depth``: far is large; 0, less and NaN are unknown, infinitely far is 0. ``inverse-depth``: near is
+    kind : ``depth``: far is large; 0 (what has no inverse in float32), less and NaN are unknown, infinitely far is 0. ``inverse-depth``: near is
         large; NaN and infinity are unknown. ``disparity``: the same, and 0 and less are unknown, as in stereo.
     """
     given = np.asarray(values, np.float32)
@@ -189,7 +190,7 @@ def inverse_depth(values: NDArray[Any], kind: Kind) -> Map:
         return np.where(np.isfinite(given), given, np.float32(np.nan))
     if kind == "disparity":
         return np.where(np.isfinite(given) & (given > 0), given, np.float32(np.nan))
-    return np.divide(1, given, out=np.full_like(given, np.nan), where=given > 0)
+    return np.divide(1, given, out=np.full_like(given, np.nan), where=given > 1 / np.finfo(np.float32).max)
 
 
 def encode_depth(inverse: NDArray[Any], largest: float) -> bytes:

@@ -118,7 +118,8 @@ def as_flow(values: Array, where: str) -> Flow:
             f"{where}: holds NaN or infinity; fill what is unknown, or give .flo or KITTI png, which can say so"
         )
     planar = values if values.shape[0] == 2 else np.moveaxis(values, 2, 0)
-    return np.array(planar, np.float32, order="C")
+    with np.errstate(over="ignore"):  # beyond float32 is infinite
+        return np.array(planar, np.float32, order="C")
 
 
 def write_flo(path: Path, flow: NDArray[Any]) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
+from shutil import disk_usage
 from time import time_ns
 from typing import IO, Any
 
@@ -132,17 +134,30 @@ def fetch(url: URL, to: Path, known: str | None = None) -> str:
     Raises
     ------
     OSError
-        If there is none, or it cannot be read.
+        If there is none, or it cannot be read, or the disk has no room for what the server states.
     """
     import obstore
     from obstore.exceptions import NotModifiedError
 
-    def write() -> str:
+    def begin() -> Any:
         options: Any = {"if_none_match": known} if known else None
         try:
-            found = obstore.get(of(url), url.key, options=options)
+            return obstore.get(of(url), url.key, options=options)
         except NotModifiedError:
-            return known or ""
+            return None
+
+    found = ask(url, begin)
+    if found is None:
+        return known or ""
+    size, free = found.meta["size"], disk_usage(to.parent).free
+    if size > free:
+        raise OSError(
+            errno.EFBIG,
+            f"the server states {size / 1e9:.1f} GB, {to.parent} has room for {free / 1e9:.1f} GB; set TMPDIR to another disk",
+            str(url),
+        )
+
+    def write() -> str:
         with to.open("xb") as file:
             for piece in found.stream(min_chunk_size=PIECE):
                 file.write(piece)

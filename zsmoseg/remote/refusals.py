@@ -29,6 +29,11 @@ def in_words(error: BaseException) -> tuple[int, str]:
         return errno.EACCES, f"access was refused{why}; {SIGN_IN} that may read and write there"
     if isinstance(error, FileNotFoundError) or status == "404":
         return errno.ENOENT, "no such file or folder"
+    if "RangeNotSupported" in text:  # the rest is asked for once a body broke off
+        return (
+            errno.EIO,
+            "the content ends before the length that the server states, which does not send the rest alone",
+        )
     if "NotSupported" in type(error).__name__ or status == "501":
         return errno.EOPNOTSUPP, "the server does not do what is needed (conditional writes, listings)"
     if status:

@@ -53,6 +53,8 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 """Named settings. ``paper-core`` is the paper to the letter from the proposals on, ``paper`` with its networks too;
 ``permissive`` has weights only that may be used commercially, and our own decision.
 """
+LARGEST, MOST_DOTS, MOST_SETTINGS = 1 << 18, 500, 1000
+"""Bytes of a file of settings, dots in a line of it (the parts of a dotted key cost their square) and settings in it, at most."""
 GONE_PRESETS = {"default": "is embedded now"}
 
 
@@ -71,7 +73,7 @@ def resolve(
         raise SettingsError(f"preset {preset!r} {what}; there are {', '.join(PRESETS)}")
     flat: dict[str, Any] = {
         **PRESETS[preset],
-        **(_flatten(_toml(config)) if config else {}),
+        **(_toml(config) if config else {}),
         **(overrides or {}),
     }
     problems = []
@@ -117,7 +119,7 @@ def parse_override(text: str) -> tuple[str, Any]:
     if not equals or not name.strip():
         raise SettingsError(f"--set {text}: expected section.name=value")
     try:
-        return name.strip(), tomllib.loads(f"v = {value}")["v"]
+        return name.strip(), _loads(f"v = {value}", f"--set {name}")["v"]
     except tomllib.TOMLDecodeError:
         return name.strip(), value.strip()
     except (ValueError, RecursionError) as error:
@@ -125,14 +127,37 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 
 def _toml(path: Path) -> dict[str, Any]:
+    """Settings of a file by dotted names, of no more than a file of settings holds."""
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+        if path.resolve().is_fifo():  # that of a shell's <(...) has no name, and an end
+            raise OSError(0, "a named pipe may never end")
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+        if len(content) > LARGEST:
+            raise SettingsError(
+                f"{path}: holds more than {LARGEST >> 10} KiB, no file of settings does; give a TOML file to --config"
+            )
+        found = _flatten(_loads(content.decode("utf-8-sig"), str(path)))
     except OSError as error:
         raise SettingsError(
             f"{path}: cannot be read ({error.strerror}); give a TOML file to --config"
         ) from error
     except (ValueError, RecursionError) as error:
         raise SettingsError(f"{path}: {_toml_words(error)}") from error
+    if len(found) > MOST_SETTINGS:
+        raise SettingsError(
+            f"{path}: holds {len(found)} settings, there are {len(defaults())}; give those that you change"
+        )
+    return found
+
+
+def _loads(text: str, where: str) -> dict[str, Any]:
+    """TOML, once no key in it has too many parts; ``where`` begins the error."""
+    if any(line.count(".") > MOST_DOTS for line in text.split("\n")):
+        raise SettingsError(
+            f"{where}: has a line of over {MOST_DOTS} dots; settings are section.name = value"
+        )
+    return tomllib.loads(text)
 
 
 def _toml_words(error: Exception) -> str:

@@ -42,6 +42,9 @@ class Sections:
     depth: settings.Depth
 
 
+LARGEST = float(np.finfo(np.float16).max)
+"""Of what is written: as many times nearer than the mean as anything is."""
+
 Backend = Callable[[Part, Sections], Iterator[NDArray[np.float32]]]
 """Yields relative inverse depth (h, w) of every frame of the part."""
 
@@ -80,7 +83,8 @@ def _constant(s: Sections) -> bool:
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Depth]:
     """Depth of one chunk."""
     if not _constant(s):
-        depth = np.stack(list(BACKENDS[s.depth.source](part, s))).astype(np.float16)
+        found = np.stack(list(BACKENDS[s.depth.source](part, s)))
+        depth = found.clip(-LARGEST, LARGEST).astype(np.float16)
         yield Depth(start=part.start, stop=part.stop, inverse_depth=depth)
 
 
