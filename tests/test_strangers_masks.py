@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -187,6 +188,62 @@ def test_annotations_without_a_mask_are_left_out_and_counted(tmp_path: Path) -> 
     assert only.label.max() == 1
 
 
+def tracks(path: Path, segmentations: dict[int, list[Any]]) -> Path:
+    """YouTube-VIS JSON of tracks by their ids."""
+    frames = len(next(iter(segmentations.values())))
+    about = {"id": 1, "height": SIZE[0], "width": SIZE[1]}
+    video = {**about, "name": "disc", "file_names": [f"disc/{t:05d}.jpg" for t in range(frames)]}
+    given = [{"id": n, "video_id": 1, "segmentations": masks} for n, masks in segmentations.items()]
+    path.write_text(json.dumps({"videos": [video], "annotations": given}))
+    return path
+
+
+NOTHING: dict[str, tuple[Any, bool]] = {
+    "shares of the sides": ([[0.1, 0.2, 0.3, 0.2, 0.3, 0.4, 0.1, 0.4]], True),
+    "shares in two polygons": ([[0.1, 0.2, 0.3, 0.2, 0.3, 0.4], [0.6, 0.6, 0.7, 0.6, 0.7, 0.8]], True),
+    "points of one line": ([[10, 10, 20, 10, 30, 10]], False),
+    "smaller than a pixel": ([[10, 10, 10.2, 10, 10.2, 10.2]], False),
+    "outside": ([[-30, -30, -20, -30, -20, -20, -30, -20]], False),
+    "runs of nothing": ({"size": list(SIZE), "counts": [SIZE[0] * SIZE[1]]}, False),
+    "runs of nothing, packed": (runs(np.zeros(SIZE, np.uint8)), False),
+}
+
+
+@pytest.mark.parametrize("kind", NOTHING)
+def test_masks_that_cover_no_pixel_are_counted(kind: str, tmp_path: Path) -> None:
+    nothing, shares = NOTHING[kind]
+    given = [{**PLAIN_MASK, "track_id": 1}, {"image_id": 0, "segmentation": nothing, "track_id": 2}]
+    source = open_masks(coco(tmp_path / "a.json", given))
+    assert source.read(0).left_out == {"masks that cover no pixel": 1}
+    assert [note.split(":")[0] for note in source.notes] == (
+        ["1 masks have polygons of coordinates from 0 to 1 only"] if shares else []
+    )
+    source = open_masks(tracks(tmp_path / "b.json", {1: [[polygon()], [polygon()]], 2: [nothing, nothing]}))
+    drawn = isinstance(nothing, list)
+    assert source.read(1).left_out == ({"masks that cover no pixel": 1} if drawn else {})
+    assert source.left_out == ({} if drawn else {"tracks without a mask in any frame": 1})
+    assert len(source.notes) == shares
+
+
+@pytest.mark.parametrize(
+    "masks", [[None, None], [None, []], [[], {"size": list(SIZE), "counts": [SIZE[0] * SIZE[1]]}]]
+)
+def test_tracks_that_are_nowhere_are_counted(masks: list[Any], tmp_path: Path) -> None:
+    seen = [None, [polygon()]]
+    source = open_masks(tracks(tmp_path / "a.json", {1: seen, 2: masks, 3: masks}))
+    assert source.left_out == {"tracks without a mask in any frame": 2}
+    assert source.read(1).label.max() == 1
+
+
+@pytest.mark.parametrize(
+    ("ids", "words"),
+    [([1, 2], ""), ([0, 5, 70000], "0 is 1 to 70000 is 3"), ([5], "5 is 1"), ([2, 1], ""), ([1, 3], "1 is 1 to 3 is 2")],
+)  # fmt: skip
+def test_tracks_that_are_numbered_anew_are_told(ids: list[int], words: str, tmp_path: Path) -> None:
+    source = open_masks(tracks(tmp_path / "a.json", {n: [[polygon()]] for n in ids}))
+    assert source.notes == ([f"ids numbered in order: {words}"] if words else [])
+
+
 # ---------------------------------------------------------------------- binary masks
 def _blurred(mask: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.GaussianBlur(mask * np.uint8(255), (0, 0), 3))
@@ -333,6 +390,23 @@ def _crowds(folder: Path) -> Path:
     return coco(folder / "a.json", [*given, other], names)
 
 
+def _sparse(*ids: int) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        for t in range(FRAMES):
+            label = square(t).astype(np.uint16) * ids[0]
+            label[0, : len(ids)] = ids
+            Image.fromarray(label).save(folder / f"{t:05d}.png")
+        return folder
+
+    return write
+
+
+def _no_pixel(folder: Path) -> Path:
+    shares = [[0.1, 0.2, 0.3, 0.2, 0.3, 0.4, 0.1, 0.4]]
+    masks = [[polygon(t)] for t in range(FRAMES)]
+    return tracks(folder / "a.json", {1: masks, 2: [shares] * FRAMES, 9: [None] * FRAMES})
+
+
 def _images(folder: Path) -> Path:
     for t in range(FRAMES):
         Image.fromarray(square(t)).save(folder / f"{t:05d}.png")
@@ -366,6 +440,10 @@ def _disparity(folder: Path) -> Path:
 TOLD = {
     "strokes": ("proposals", _strokes, "left out: annotations without a mask (1), polygons of fewer than three points (4)"),
     "new ids": ("proposals", _strokes, "; ids numbered in order: 0 is 1"),
+    "sparse ids": ("proposals", _sparse(7, 300, 65535), "; ids numbered in order: 7 is 1 to 65535 is 3"),
+    "ids that can be kept": ("proposals", _sparse(7, 300, 1023), "4 of 4 frames; 0 px hidden below others"),
+    "a sparse id": ("proposals", _sparse(5000), "; ids numbered in order: 5000 is 1"),
+    "no pixel": ("proposals", _no_pixel, "left out: masks that cover no pixel (4), tracks without a mask in any frame (1); ids numbered in order: 1 is 1 to 9 is 3; 4 masks have polygons of coordinates from 0 to 1 only"),
     "crowds": ("proposals", _crowds, "annotations of other videos (1); 4 marked as crowds (iscrowd)"),
     "files": ("proposals", _images, "masks on 4 of 4 frames; 0 px hidden below others; left out: other files and folders beside them (2)"),
     "flow": ("flow", _flow, "3 pairs, 50.0 % of the pixels unknown; left out: other files and folders beside them (1)"),

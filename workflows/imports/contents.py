@@ -135,9 +135,10 @@ def check(
                 left_out += masks.left_out
                 seen += bool(masks.label.any())
         if not seen:
+            source = open_masks(Path(section.path), title(probe.source))
+            words = left_out_words(left_out + source.left_out), *source.notes
             raise FormatError(
-                f"{section.path}: has no mask in any of the {frames} frames{left_out_words(left_out)}; "
-                "names must be those of the frames"
+                f"{section.path}: has no mask in any of the {frames} frames{'; '.join(words)}; give masks that cover pixels of them"
             )
     elif kind == "flow":
         for _ in flow_of(section, probe, 0, frames - 1, grid):

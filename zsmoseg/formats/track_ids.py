@@ -69,6 +69,12 @@ def numbers_of(values: Sequence[Value], path: Path) -> tuple[dict[Value, int], s
         return {n: n for n in whole}, ""
     if len(given) > HIGHEST:
         raise FormatError(f"{path}: has {len(given)} objects; at most {HIGHEST} can be numbered")
-    numbers = {value: k for k, value in enumerate(given, 1)}
+    return {value: k for k, value in enumerate(given, 1)}, ids_in_order(given)
+
+
+def ids_in_order(given: Sequence[Value]) -> str:
+    """What to say of ids that are numbered 1.. in order; nothing where they are so already."""
+    if list(given) == list(range(1, len(given) + 1)):
+        return ""
     last = f" to {given[-1]} is {len(given)}" if len(given) > 1 else ""
-    return numbers, f"ids numbered in order: {given[0]} is 1{last}"
+    return f"ids numbered in order: {given[0]} is 1{last}"
