@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from zsmoseg.errors import SettingsError, StoreError, ZsmosegError
+from zsmoseg.remote.url import given_path
 from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.dataset import open_dataset
@@ -245,7 +246,7 @@ class OpenStore:
     """The finished videos of a store: ``open_store(path)["goat"]``."""
 
     def __init__(self, path: str | PurePath) -> None:
-        self.store = Store.open(path, create=False)
+        self.store = Store.open(given_path(path, "path"), create=False)
 
     def __getitem__(self, name: str) -> Result:
         return self.get(name)
@@ -289,12 +290,18 @@ class OpenStore:
         ------
         StoreError
             There is no such run.
+        SettingsError
+            The name is no text.
         """
+        if not isinstance(name, str):
+            raise SettingsError(
+                f"the name of a video is of type {type(name).__name__}; give one of those that list(store) has, as text"
+            )
         for entry in self._finished(name):
             if run in (None, entry.run):
                 return Result.of(self.store, entry)
         raise StoreError(
-            f"{self.store.path}: no finished run {run + ' ' if run else ''}of {name!r}; "
+            f"{self.store.path}: no finished run {f'{run} ' if run else ''}of {name!r}; "
             "zsmoseg status and zsmoseg runs list what is there"
         )
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Protocol, Self
 
+from zsmoseg.errors import SettingsError
 from zsmoseg.workflows.planning.estimate import cores
 from zsmoseg.workflows.running.cluster import Dask
 from zsmoseg.workflows.running.jobs import Job, Outcome, run_job
@@ -83,6 +85,25 @@ class Serial:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._queue.clear()
+
+
+def refuse_no_scheduler(scheduler: Any) -> None:
+    """Refuse what cannot be a scheduler, whether or not anything is left to compute.
+
+    Raises
+    ------
+    SettingsError
+        It is neither serial nor local, no address, no file, no client.
+    """
+    if isinstance(scheduler, str):
+        fits = scheduler in ("serial", "local") or ":" in scheduler or scheduler.endswith(".json")
+        fits, told = fits or os.path.exists(scheduler), scheduler
+    else:
+        fits, told = hasattr(scheduler, "scheduler_info"), f"of type {type(scheduler).__name__}"
+    if not fits:
+        raise SettingsError(
+            f"--scheduler {told}: is no scheduler; give local, serial, an address as tcp://host:port or a scheduler file"
+        )
 
 
 def make_executor(

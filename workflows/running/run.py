@@ -27,7 +27,7 @@ from zsmoseg.workflows.planning.rates import Rates
 from zsmoseg.workflows.running.batch import Batch
 from zsmoseg.workflows.running.choosing import Named, choose, nothing_left
 from zsmoseg.workflows.running.driving import Drive
-from zsmoseg.workflows.running.executors import make_executor
+from zsmoseg.workflows.running.executors import make_executor, refuse_no_scheduler
 from zsmoseg.workflows.running.first_look import make_plan
 from zsmoseg.workflows.running.guard import leave_if_imported_again
 from zsmoseg.workflows.running.request import Failure, Quiet, Report, Request, Watcher
@@ -60,6 +60,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     ZsmosegError
         Before anything is started: bad sources, settings, store, output folder, too little disk, no cluster.
     """
+    refuse_no_scheduler(request.scheduler)
     if request.scheduler == "local":
         leave_if_imported_again()
     watcher = watcher or Quiet()
