@@ -17,6 +17,7 @@ from runs import masks, segment
 from zsmoseg.errors import SettingsError, StageError, ZsmosegError
 from zsmoseg.video.ignore import describe_ignore, read_ignore
 from zsmoseg.workflows.cli import main
+from zsmoseg.workflows.result import open_store
 from zsmoseg.workflows.stages.graph import GRAPHS
 
 HEIGHT, WIDTH = 120, 160
@@ -164,6 +165,46 @@ def test_the_share_is_in_the_first_lines_and_in_the_summary(
     assert capsys.readouterr().err.splitlines()[1].strip() == line
     assert line in (tmp_path / "out/disc/summary.json").read_text()
     assert not masks(tmp_path / "out/disc")[:, 100:].any()
+
+
+PLACES = {1: (10, 10), 2: (10, 100), 5: (80, 100)}
+"""Corner of each of three squares, y and x."""
+
+
+@pytest.mark.parametrize(
+    ("lost", "words"),
+    [
+        ((), ""),
+        ((2,), "left out: 1 object that lies wholly in what is ignored (2)"),
+        ((2, 5), "left out: 2 objects that lie wholly in what is ignored (2, 5)"),
+        ((1, 2, 5), "left out: 3 objects that lie wholly in what is ignored (1, 2, 5)"),
+    ],
+)
+def test_objects_of_which_everything_is_ignored_are_named(
+    lost: tuple[int, ...], words: str, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    brought, ignore = np.zeros((4, 120, 160), np.uint8), np.zeros((120, 160), np.uint8)
+    for n, (y, x) in PLACES.items():
+        brought[:, y : y + 24, x : x + 24] = n
+        ignore[y : y + 24 if n in lost else y + 10, x : x + 24] = 255
+    np.save(tmp_path / "masks.npy", brought)
+    segment(
+        clip,
+        tmp_path,
+        {"proposals.path": str(tmp_path / "masks.npy"), "ignore.mask": str(png(tmp_path / "m.png", ignore))},
+    )
+    result = open_store(tmp_path / "store")["disc"]
+    assert result.warnings == result.summary["warnings"]
+    told = [text for text in result.warnings if "ignored" in text]
+    assert [text.split(";")[0] for text in told] == ([words] if words else [])
+    assert not any("bring masks" in text for text in result.warnings)
+    assert result.objects["object"].tolist() == [0, *(n for n in PLACES if n not in lost)]
+    explain = ["explain", "disc", "--store", str(tmp_path / "store"), "--object"]
+    for n in PLACES:
+        capsys.readouterr()
+        assert main([*explain, str(n)]) == 0
+        assert ("lies wholly in what is ignored" in capsys.readouterr().out) == (n in lost)
+    assert main([*explain, "4"]) == 2
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder", "text", "none"])

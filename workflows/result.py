@@ -25,6 +25,7 @@ from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 from zsmoseg.workflows.stages.proposed.objects import MaskObjects, object_names
+from zsmoseg.workflows.warned import warnings_of
 from zsmoseg.workflows.wording import counted
 
 if TYPE_CHECKING:
@@ -143,11 +144,14 @@ class Result:
 
     @property
     def warnings(self) -> list[str]:
-        """What the grouping warns of; empty where it has nothing to warn of."""
-        record = self.artifact("groups").part(0)
+        """What the result warns of; empty where it has nothing to warn of."""
+        groups = self.artifact("groups")
+        record = groups.part(0)
         if record is None:
             raise StoreError(f"{self.name}: its groups are gone or damaged; run the same command again")
-        return list(record.facts["warnings"])
+        return warnings_of(
+            record.facts["warnings"], groups, self.artifact("objects") if "proposals" in self.keys else None
+        )
 
     @property
     def settings(self) -> dict[str, Any]:
