@@ -100,6 +100,23 @@ def test_two_numbers_that_compete_are_refused_by_name(entries: list[str], names:
         match_frames(entries, names, "here")
 
 
+@pytest.mark.parametrize("begin", [1, 2, 100])
+@pytest.mark.parametrize("called", ["{:05d}", "{}", "mask_{:04d}", "{:03d}_png"])
+@pytest.mark.parametrize("names", [PADDED, PLAIN, CALLED], ids=["padded", "plain", "called"])
+def test_numbers_from_another_beginning_are_told_and_nothing_is_to_be_removed(
+    begin: int, called: str, names: list[str]
+) -> None:
+    entries = [called.format(begin + t) for t in range(len(names))]
+    with pytest.raises(FormatError) as error:
+        match_frames(entries, names, "masks")
+    assert (
+        f"masks: counts from {begin} ({entries[0]} to {entries[-1]}), the frames of the video from 0"
+        in str(error.value)
+    )
+    assert "rename all" in str(error.value)
+    assert "remove" not in str(error.value)
+
+
 @pytest.mark.parametrize("entry", ["8cbdfe", "8c1bd4fe", "background", "00093", "a93", "7f8a9b0c"])
 def test_a_hash_belongs_to_no_frame(entry: str) -> None:
     with pytest.raises(FormatError, match=f"{entry} belongs to no frame"):
@@ -324,6 +341,38 @@ def test_what_is_no_number_or_no_motion_in_a_flo_file_is_unknown(
     assert np.isnan(found[:, 3, 4]).all()
     found[:, 3, 4] = 1
     assert (found == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("names", "one", "two"),
+    [
+        (["00000.flo", "00000_fw.flo"], "00000.flo", "00000_fw.flo"),
+        (["00000_fw.flo", "00000_forward.flo"], "00000_forward.flo", "00000_fw.flo"),
+        (["00000.flo", "00000_bw.flo", "00000-backward.flo"], "00000-backward.flo", "00000_bw.flo"),
+        (["forward/00000.flo", "forward/00000_fw.flo"], "00000.flo", "00000_fw.flo"),
+    ],
+)
+def test_two_files_of_one_flow_are_refused(names: list[str], one: str, two: str, tmp_path: Path) -> None:
+    for name in names:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        write_flo(tmp_path / name, np.zeros((2, *SIZE), np.float32))
+    with pytest.raises(FormatError, match=f"{one} and {two} are both the (forward|backward) flow of 00000"):
+        open_flow(tmp_path)
+
+
+@pytest.mark.parametrize("value", [1e300, -1e39, np.inf, np.nan])
+def test_depth_of_no_number_of_32_bits_is_unknown(value: float, tmp_path: Path) -> None:
+    values = np.full(SIZE, value)
+    np.save(tmp_path / "00000.npy", values)
+    with pytest.raises(
+        FormatError, match=r"no finite number of 32 bits; every frame needs depth: make it anew"
+    ):
+        open_depth(tmp_path).read(0)
+    values[0, 0] = 2
+    np.save(tmp_path / "00000.npy", values)
+    found = inverse_depth(open_depth(tmp_path).read(0), "depth")
+    assert found[0, 0] == 0.5
+    assert not (found[1:] > 0).any()
 
 
 def test_disparity_has_no_zero_and_nothing_below() -> None:

@@ -109,7 +109,8 @@ def depth_of(
         inverse = relative(inverse_depth(values, s.kind), grid)
         if not np.isfinite(inverse).any():
             raise FormatError(
-                f"{s.path}: the depth of frame {probe.names[frame]} is unknown everywhere; leave it out"
+                f"{s.path}: the depth of frame {probe.names[frame]} is unknown everywhere; every frame needs one that is "
+                "known somewhere: make it anew"
             )
         yield inverse
 
