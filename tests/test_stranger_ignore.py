@@ -145,13 +145,22 @@ def test_nothing_good_is_overwritten_by_a_run_whose_mask_does_not_fit(
     assert contents(tmp_path / "out") == before
 
 
-def test_of_several_videos_those_fail_that_the_mask_does_not_fit(clip: Path, tmp_path: Path) -> None:
+def test_of_several_videos_those_fail_that_the_mask_does_not_fit(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     other = write_folder(tmp_path / "other", draw_clip(frames=4, height=48, width=80)[0])
     report, _ = segment([clip, other], tmp_path, {"ignore.mask": str(png(tmp_path / "m.png", GREY))})
     assert report.finished == ["disc"]
     assert "the frames are 80 x 48" in report.failures["other"]
+    narrow = str(png(tmp_path / "narrow.png", GREY[:, :50]))
     with pytest.raises(StageError, match=r"none of the 2 videos can be run; the first: .*ignore mask"):
-        segment([clip, other], tmp_path, {"ignore.mask": str(png(tmp_path / "m.png", GREY[:, :50]))})
+        segment([clip, other], tmp_path, {"ignore.mask": narrow})
+    words = ["run", str(clip), str(other), "-o", str(tmp_path / "new"), "--dry-run", "--ignore"]
+    assert main([*words, narrow]) == 2
+    told = capsys.readouterr()
+    assert "none of the 2 videos can be run; the first: " in told.err
+    assert "nothing to do" not in told.out
+    assert main([*words, str(tmp_path / "m.png")]) == 0, "one of them can"
 
 
 def test_the_share_is_in_the_first_lines_and_in_the_summary(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -151,6 +152,7 @@ PLAIN_MASK = {"image_id": 0, "segmentation": [polygon()]}
         ([{"attributes": {"track_id": 0}}, {"attributes": {"track_id": 5}}], [1, 2]),
         ([{"track_id": "car-10"}, {"track_id": "car-9"}], [2, 1]),
         ([{"track_id": 1 << 40}, {"track_id": -3}], [2, 1]),
+        ([{"track_id": "07"}, {"track_id": 7}], [2, 1]),
     ],
 )
 def test_ids_are_found_where_tools_put_them_and_numbered_where_they_cannot_be_kept(
@@ -281,6 +283,8 @@ SOFT = {
     "turned": lambda m: cv2.warpAffine(m * np.uint8(255), cv2.getRotationMatrix2D((20, 20), 12, 1), SIZE[::-1]),
     "blurred, 16 bits": lambda m: _blurred(m).astype(np.uint16) * 257,
     "probability": lambda m: np.uint8(250 * _blurred(m).astype(float) / 255),
+    "probability that is never high": lambda m: np.uint8(120 * _blurred(m).astype(float) / 255),
+    "dark, 16 bits": lambda m: np.uint16(20000 * _blurred(m).astype(float) / 255),
 }  # fmt: skip
 
 
@@ -313,6 +317,8 @@ IDS = {
     "one object": lambda m: m,
     "two objects, one of them 255": lambda m: np.where(m, 255, cv2.dilate(m, np.ones((9, 9), np.uint8))).astype(np.uint8),
     "void around the object": _void,
+    "rims of an id of their own": lambda m: np.where(cv2.erode(m, np.ones((3, 3), np.uint8)) < m, 1, 2 * m).astype(np.uint8),
+    "rims of 16 ids": lambda m: sum((cv2.erode(m, np.ones((3, 3), np.uint8), iterations=n) for n in range(6)), np.uint8(0) * m),
     "squares that touch": _many,
     "id 255 beside others": lambda m: np.where(m, 255, np.roll(m, 20, 0) * 40).astype(np.uint8),
 }  # fmt: skip
@@ -373,6 +379,31 @@ def test_depth_of_no_number_of_32_bits_is_unknown(value: float, tmp_path: Path) 
     found = inverse_depth(open_depth(tmp_path).read(0), "depth")
     assert found[0, 0] == 0.5
     assert not (found[1:] > 0).any()
+
+
+def test_the_number_seven_and_its_text_are_one_object(tmp_path: Path) -> None:
+    given = [
+        {**PLAIN_MASK, "image_id": n, "track_id": value}
+        for n, value in enumerate(["7", 7, 7.0, "7", 9, "10"])
+    ]
+    source = open_masks(coco(tmp_path / "a.json", given, [f"{t:05d}.png" for t in range(6)]))
+    assert [int(source.read(t).label.max()) for t in range(6)] == [7, 7, 7, 7, 9, 10]
+    assert not source.notes
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "nothing"])
+@pytest.mark.parametrize("option", ["--proposals", "--flow", "--depth"])
+def test_what_is_neither_file_nor_folder_is_called_what_it_is(
+    kind: str, option: str, source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = "/dev/null" if kind == "device" else str(tmp_path / "given")
+    if kind == "pipe":
+        os.mkfifo(path)
+    is_ = ["--depth-is", "depth"] if option == "--depth" else []
+    words = ["import", str(source), "--store", str(tmp_path / "store"), "--scheduler", "serial"]
+    assert main([*words, option, path, *is_]) == 2
+    told = {"pipe": "is a pipe, which can be read only once", "device": "is a device"}
+    assert f"{path}: {told.get(kind, 'no such file or folder')}" in capsys.readouterr().err
 
 
 def test_disparity_has_no_zero_and_nothing_below() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ IDS = ("track_id", "instance_id")
 """Fields that tell objects through the video; of annotations, or of their ``attributes`` (CVAT)."""
 
 Value = int | str
+NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,17})")
+"""A text that is a whole number, as it would be written."""
 
 
 def track_ids(annotations: Sequence[Entry], path: Path) -> list[Value] | None:
@@ -34,10 +37,12 @@ def track_ids(annotations: Sequence[Entry], path: Path) -> list[Value] | None:
                     f"{path}: {having} of {len(found)} annotations have a {key}; give it to all or to none"
                 )
             if having:
-                return [
-                    _checked(v, f"{path}, annotation {a['id']}: {key}")
-                    for v, a in zip(found, annotations, strict=True)
-                ]
+                return _alike(
+                    [
+                        _checked(v, f"{path}, annotation {a['id']}: {key}")
+                        for v, a in zip(found, annotations, strict=True)
+                    ]
+                )
     return None
 
 
@@ -53,6 +58,13 @@ def _checked(value: Any, where: str) -> Value:
     if isinstance(value, bool) or not isinstance(value, int | str) or value == "":
         raise FormatError(f"{where} is {str(value)[:20] or 'empty'}; give a whole number or a name")
     return value
+
+
+def _alike(values: list[Value]) -> list[Value]:
+    """Where some ids are numbers, texts of a number are that number: 7 and "7" are one object."""
+    if not any(isinstance(value, int) for value in values):
+        return values
+    return [int(v) if isinstance(v, str) and NUMBER.fullmatch(v) else v for v in values]
 
 
 def numbers_of(values: Sequence[Value], path: Path) -> tuple[dict[Value, int], str]:
