@@ -28,7 +28,7 @@ from zsmoseg.stores.runs import Entry, RunRecord
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.cli.run import again
 from zsmoseg.workflows.planning.plan import VideoPlan
-from zsmoseg.workflows.running.choosing import choose
+from zsmoseg.workflows.running.choosing import choose, nothing_left
 from zsmoseg.workflows.running.progress import Bars, Lines, failure_lines
 from zsmoseg.workflows.running.request import Choice, Quiet, Report, Request
 from zsmoseg.workflows.running.run import run
@@ -125,6 +125,12 @@ def test_shares_do_not_move_while_others_mend_what_failed(store: Store) -> None:
     before = [chosen(store, share=(i, 2), retry_failed=True) for i in (1, 2)]
     remember(store, "done", {}, *before[0].split())
     assert chosen(store, share=(2, 2), retry_failed=True) == before[1] != ""
+
+
+@pytest.mark.parametrize(("found", "words"), [(1, "of 1 video none"), (2, "of 2 videos none")])
+def test_one_video_is_no_videos(found: int, words: str) -> None:
+    assert words in nothing_left(found, Choice(retry_failed=True))
+    assert nothing_left(found, Choice(share=(2, 3))).endswith(words[3:-5])
 
 
 def test_a_share_without_videos_is_no_failure(

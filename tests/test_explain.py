@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import write_folder
+from conftest import draw_clip, write_folder
 from runs import segment
 
 from zsmoseg.synthetic import video_scene
@@ -49,6 +49,25 @@ def test_the_evidence_of_a_mover_is_what_the_arrays_say(
         f"with the static world {float(tree['affinity/affinity'].sel(object=mover, other=0)):.2f}" in affinity
     )
     assert f"{float(tree['groups/eigenvalue'].max()):.2f}" in values
+
+
+@pytest.mark.parametrize("frames", [[3], [0], [0, 1, 2, 3], [1, 3]], ids=["last", "first", "all", "some"])
+def test_what_no_pair_of_frames_shows_is_not_said_to_be_measured(
+    frames: list[int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    images, truth = draw_clip(0, 4, 60, 80)
+    patch = np.zeros((4, 60, 80), np.uint8)
+    patch[frames, 4:16, 60:76] = 2
+    np.save(tmp_path / "masks.npy", np.where(truth, 1, patch).astype(np.uint8))
+    segment(
+        write_folder(tmp_path / "disc", images), tmp_path, {"proposals.path": str(tmp_path / "masks.npy")}
+    )
+    assert main(["explain", "disc", "--store", str(tmp_path / "store"), "--object", "2"]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    unseen = np.isnan(open_store(tmp_path / "store")["disc"].groups.excess[2])
+    assert ("no pair of frames shows it against the static world" in first) == (frames == [3])
+    assert "error ratio 0.00" not in first
+    assert unseen or "costs" in first
 
 
 def test_every_pair_is_told_where_asked(store: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,6 +17,7 @@ from pycocotools.coco import COCO
 from runs import masks, segment
 
 from zsmoseg.formats import find_for_video, open_depth, open_flow, open_masks
+from zsmoseg.formats.keep import encode_keep
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.result import Result, open_store
 from zsmoseg.workflows.stages.cues.depth import Depth
@@ -145,6 +146,18 @@ def test_nerfstudio_masks_are_named_like_the_frames_and_zero_where_something_mov
 
 
 # ------------------------------------------------------------------ cues
+@pytest.mark.parametrize("dilate", [1, 2, 3, 7, 30, 160])
+@pytest.mark.parametrize("share", [0.0, 0.0005, 0.02, 1.0])
+def test_what_moves_grows_by_a_distance(dilate: int, share: float) -> None:
+    moving = np.random.default_rng(dilate).random((70, 90)) < share
+    y, x = np.mgrid[:70, :90]
+    near = np.zeros_like(moving)
+    for row, column in np.argwhere(moving):
+        near |= (y - row) ** 2 + (x - column) ** 2 <= dilate**2
+    stored = cv2.imdecode(np.frombuffer(encode_keep(moving, dilate), np.uint8), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(stored == 0, near)
+
+
 def test_opencv_reads_the_flo_files(root: Path, tmp_path: Path, result: Result) -> None:
     assert export(root, tmp_path, "flo") == 0
     for side in ("forward", "backward"):
@@ -205,6 +218,8 @@ def test_xarray_reads_the_copy(
         (("png", "--when", "now"), "--when does nothing for png"),
         (("npz", "--what", "object", "--when", "now"), "--when now does nothing for --what object"),
         (("colmap", "--dilate", "-1"), "--dilate -1: must be 0 px or more"),
+        (("colmap", "--dilate", "161"), "--dilate 161: disc is 160 x 120; give 160 px or less"),
+        (("nerfstudio", "--dilate", "100000"), "--dilate 100000: disc is 160 x 120; give 160 px or less"),
         (("davis", "--run", "none"), "no finished run none of 'disc'"),
     ],
 )

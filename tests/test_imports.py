@@ -12,6 +12,7 @@ from conftest import draw_clip, write_folder
 from runs import masks, segment
 
 from zsmoseg.errors import FormatError, SettingsError
+from zsmoseg.formats.flow_files import write_flo
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
 from zsmoseg.video.probe import Excerpt, probe
@@ -387,6 +388,56 @@ def test_flow_of_other_size_with_nan_or_with_a_frame_missing(brought: Path, tmp_
         text = bad({"flow.path": str(tmp_path / f"{name}.npz")}, brought, tmp_path / name)
         assert words[name] in text
         assert f"{name}.npz" in text
+
+
+def _unknown(what: str, shape: tuple[int, ...]) -> np.ndarray:
+    """(pairs, h, w) what of a flow is unknown."""
+    unknown = np.zeros(shape, np.bool_)
+    where: dict[str, Any] = {
+        "one pixel": (3, 50, 50),
+        "a block": (slice(None), slice(40, 70), slice(60, 100)),
+        "a frame": 3,
+        "a chunk": slice(0, 4),
+        "all but two pairs": slice(2, None),
+        "everything": slice(None),
+    }
+    if what == "half of all pixels":
+        return np.broadcast_to(np.random.default_rng(0).random(shape[1:]) < 0.5, shape)
+    unknown[where[what]] = True
+    return unknown
+
+
+@pytest.mark.parametrize("both_ways", [True, False])
+@pytest.mark.parametrize(
+    ("what", "found"),
+    [
+        ("one pixel", range(8)),
+        ("a block", range(8)),
+        ("half of all pixels", range(8)),
+        ("a frame", range(8)),
+        ("a chunk", range(5, 8)),
+        ("all but two pairs", range(3)),
+        ("everything", ()),
+    ],
+)
+def test_flow_that_is_unknown_has_no_say(
+    what: str, found: range, both_ways: bool, brought: Path, truth: np.ndarray, tmp_path: Path
+) -> None:
+    with np.load(brought / "flow" / "disc.npz") as flow:
+        sides = [side for side in flow.files if both_ways or side == "forward"]
+        for side in sides:
+            values = np.where(_unknown(what, flow[side][:, 0].shape)[:, None], np.nan, flow[side])
+            (tmp_path / "flow" / side).mkdir(parents=True)
+            for pair, vectors in enumerate(values):
+                write_flo(tmp_path / "flow" / side / f"{pair:05d}.flo", vectors)
+    segment(brought / "disc", tmp_path, {"flow.path": str(tmp_path / "flow")})
+    moving = masks(tmp_path / "out" / "disc") > 0
+    if what == "half of all pixels" and not both_ways:
+        return  # an object is found, but no flow is seen to lead back: it is not known to move
+    assert moving.any() == (what != "everything")
+    for frame in found:
+        disc = truth[frame] == 7
+        assert (moving[frame] & disc).sum() > 0.9 * (moving[frame] | disc).sum(), frame
 
 
 def test_depth_without_the_word_that_says_which(brought: Path, tmp_path: Path) -> None:

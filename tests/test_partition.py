@@ -84,7 +84,7 @@ def scene(frames: list[np.ndarray], velocity: list[np.ndarray], known: list[bool
         carried=np.full(len(link), 2 * SIZE),
         forward=forward,
         backward=forward * [-1, -1, 1, 1],
-        known=np.array(known or [True] * len(frames)),
+        has_flow=np.repeat(known or [True] * len(frames), count),
     )
 
 

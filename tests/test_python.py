@@ -234,6 +234,16 @@ def test_what_progress_raises_ends_the_run_and_what_is_finished_is_kept(clip: Pa
         ({"scheduler": 5}, "scheduler: is of type int"),
         ({"scheduler": object()}, "scheduler: is of type object"),
         ({"scheduler": "banana"}, "is no address of a scheduler"),
+        ({"preset": ["embedded"]}, "preset ['embedded'] is unknown"),
+        ({"preset": None}, "preset None is unknown"),
+        ({"settings": ["a=b"]}, "settings are of type list; give a mapping"),
+        ({"settings": "groups.count=2"}, "settings are of type str; give a mapping"),
+        ({"settings": []}, "settings are of type list; give a mapping"),
+        ({"settings": {5: 1}}, "5 is no name"),
+        ({"settings": {None: 1, "flow.cut": 7}}, "None is no name; names are section.name | flow.cut = 7"),
+        ({"settings": {"video.start": -1.5}}, "video.start = '-1.5': expected seconds"),
+        ({"groups": [2]}, "groups are of type list"),
+        ({"groups": np.zeros(3)}, "groups are of type ndarray"),
     ],
 )
 def test_what_makes_no_sense_is_refused_before_anything_is_written(
@@ -243,6 +253,51 @@ def test_what_makes_no_sense_is_refused_before_anything_is_written(
         zsmoseg.segment(clip, out=tmp_path / "out", store=tmp_path / "store", **given)
     assert says in str(error.value)
     assert list(tmp_path.iterdir()) == []
+
+
+NO_PATHS = (None, b"walk.mp4", ["walk.mp4"], ("a", "b"), np.zeros((4, 8, 8, 3), np.uint8), 3, True, {"a": 1})
+
+
+@pytest.mark.parametrize("value", NO_PATHS, ids=lambda value: type(value).__name__)
+@pytest.mark.parametrize("name", ["source", "out", "store", "path", "config"])
+def test_what_is_no_path_is_refused_by_its_type(
+    name: str, value: Any, clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if name == "config" and value is None:
+        return
+    given: dict[str, Any] = {"source": clip, name: value}
+    call = {"path": zsmoseg.open_store, "config": lambda v: resolve(config=v)}
+    with pytest.raises(SettingsError) as error:
+        call.get(name, lambda v: zsmoseg.segment(**given))(value)
+    assert str(error.value) == (
+        f"{name} is of type {type(value).__name__}; give one path or URL, as text or pathlib.Path"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", [0, None, 1.5, b"disc", ["disc"], slice(2)])
+def test_a_store_is_asked_by_name(name: Any, result) -> None:
+    store = zsmoseg.open_store(result[0] / "store")
+    with pytest.raises(SettingsError, match=rf"of type {type(name).__name__}; give one of those that"):
+        store[name]
+    assert name not in store
+    with pytest.raises(StoreError, match="no finished run 7 of 'disc'"):
+        store.get("disc", 7)  # type: ignore[arg-type]
+
+
+def test_a_scheduler_that_is_none_is_refused_where_nothing_is_left_to_do(clip: Path, result) -> None:
+    root, _ = result
+    with pytest.raises(SettingsError, match="--scheduler nope: is no scheduler"):
+        zsmoseg.segment(clip, out=root / "out", store=root / "store", scheduler="nope", progress=False)
+
+
+@pytest.mark.parametrize("value", [1.5, 2, np.float32(0.25), np.int64(3), 1e-5])
+def test_times_may_be_numbers_of_seconds(value: Any) -> None:
+    chosen = resolve(overrides={"video.start": value, "video.end": value}).video
+    assert chosen.start == chosen.end
+    assert float(chosen.start) == value
+    assert "e" not in chosen.start
 
 
 @pytest.mark.parametrize("name", [n for n, value in defaults().items() if not isinstance(value, bool)])

@@ -17,6 +17,7 @@ from runs import masks, segment
 from zsmoseg.errors import SettingsError, StageError, ZsmosegError
 from zsmoseg.video.ignore import describe_ignore, read_ignore
 from zsmoseg.workflows.cli import main
+from zsmoseg.workflows.result import open_store
 from zsmoseg.workflows.stages.graph import GRAPHS
 
 HEIGHT, WIDTH = 120, 160
@@ -188,13 +189,22 @@ def test_nothing_good_is_overwritten_by_a_run_whose_mask_does_not_fit(
     assert contents(tmp_path / "out") == before
 
 
-def test_of_several_videos_those_fail_that_the_mask_does_not_fit(clip: Path, tmp_path: Path) -> None:
+def test_of_several_videos_those_fail_that_the_mask_does_not_fit(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     other = write_folder(tmp_path / "other", draw_clip(frames=4, height=48, width=80)[0])
     report, _ = segment([clip, other], tmp_path, {"ignore.mask": str(png(tmp_path / "m.png", GREY))})
     assert report.finished == ["disc"]
     assert "the frames are 80 x 48" in report.failures["other"]
+    narrow = str(png(tmp_path / "narrow.png", GREY[:, :50]))
     with pytest.raises(StageError, match=r"none of the 2 videos can be run; the first: .*ignore mask"):
-        segment([clip, other], tmp_path, {"ignore.mask": str(png(tmp_path / "m.png", GREY[:, :50]))})
+        segment([clip, other], tmp_path, {"ignore.mask": narrow})
+    words = ["run", str(clip), str(other), "-o", str(tmp_path / "new"), "--dry-run", "--ignore"]
+    assert main([*words, narrow]) == 2
+    told = capsys.readouterr()
+    assert "none of the 2 videos can be run; the first: " in told.err
+    assert "nothing to do" not in told.out
+    assert main([*words, str(tmp_path / "m.png")]) == 0, "one of them can"
 
 
 def test_the_share_is_in_the_first_lines_and_in_the_summary(
@@ -208,6 +218,46 @@ def test_the_share_is_in_the_first_lines_and_in_the_summary(
     assert capsys.readouterr().err.splitlines()[1].strip() == line
     assert line in (tmp_path / "out/disc/summary.json").read_text()
     assert not masks(tmp_path / "out/disc")[:, 100:].any()
+
+
+PLACES = {1: (10, 10), 2: (10, 100), 5: (80, 100)}
+"""Corner of each of three squares, y and x."""
+
+
+@pytest.mark.parametrize(
+    ("lost", "words"),
+    [
+        ((), ""),
+        ((2,), "left out: 1 object that lies wholly in what is ignored (2)"),
+        ((2, 5), "left out: 2 objects that lie wholly in what is ignored (2, 5)"),
+        ((1, 2, 5), "left out: 3 objects that lie wholly in what is ignored (1, 2, 5)"),
+    ],
+)
+def test_objects_of_which_everything_is_ignored_are_named(
+    lost: tuple[int, ...], words: str, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    brought, ignore = np.zeros((4, 120, 160), np.uint8), np.zeros((120, 160), np.uint8)
+    for n, (y, x) in PLACES.items():
+        brought[:, y : y + 24, x : x + 24] = n
+        ignore[y : y + 24 if n in lost else y + 10, x : x + 24] = 255
+    np.save(tmp_path / "masks.npy", brought)
+    segment(
+        clip,
+        tmp_path,
+        {"proposals.path": str(tmp_path / "masks.npy"), "ignore.mask": str(png(tmp_path / "m.png", ignore))},
+    )
+    result = open_store(tmp_path / "store")["disc"]
+    assert result.warnings == result.summary["warnings"]
+    told = [text for text in result.warnings if "ignored" in text]
+    assert [text.split(";")[0] for text in told] == ([words] if words else [])
+    assert not any("bring masks" in text for text in result.warnings)
+    assert result.objects["object"].tolist() == [0, *(n for n in PLACES if n not in lost)]
+    explain = ["explain", "disc", "--store", str(tmp_path / "store"), "--object"]
+    for n in PLACES:
+        capsys.readouterr()
+        assert main([*explain, str(n)]) == 0
+        assert ("lies wholly in what is ignored" in capsys.readouterr().out) == (n in lost)
+    assert main([*explain, "4"]) == 2
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder", "text", "none"])

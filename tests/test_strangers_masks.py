@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +101,23 @@ def test_two_numbers_that_compete_are_refused_by_name(entries: list[str], names:
         match_frames(entries, names, "here")
 
 
+@pytest.mark.parametrize("begin", [1, 2, 100])
+@pytest.mark.parametrize("called", ["{:05d}", "{}", "mask_{:04d}", "{:03d}_png"])
+@pytest.mark.parametrize("names", [PADDED, PLAIN, CALLED], ids=["padded", "plain", "called"])
+def test_numbers_from_another_beginning_are_told_and_nothing_is_to_be_removed(
+    begin: int, called: str, names: list[str]
+) -> None:
+    entries = [called.format(begin + t) for t in range(len(names))]
+    with pytest.raises(FormatError) as error:
+        match_frames(entries, names, "masks")
+    assert (
+        f"masks: counts from {begin} ({entries[0]} to {entries[-1]}), the frames of the video from 0"
+        in str(error.value)
+    )
+    assert "rename all" in str(error.value)
+    assert "remove" not in str(error.value)
+
+
 @pytest.mark.parametrize("entry", ["8cbdfe", "8c1bd4fe", "background", "00093", "a93", "7f8a9b0c"])
 def test_a_hash_belongs_to_no_frame(entry: str) -> None:
     with pytest.raises(FormatError, match=f"{entry} belongs to no frame"):
@@ -133,6 +152,7 @@ PLAIN_MASK = {"image_id": 0, "segmentation": [polygon()]}
         ([{"attributes": {"track_id": 0}}, {"attributes": {"track_id": 5}}], [1, 2]),
         ([{"track_id": "car-10"}, {"track_id": "car-9"}], [2, 1]),
         ([{"track_id": 1 << 40}, {"track_id": -3}], [2, 1]),
+        ([{"track_id": "07"}, {"track_id": 7}], [2, 1]),
     ],
 )
 def test_ids_are_found_where_tools_put_them_and_numbered_where_they_cannot_be_kept(
@@ -187,6 +207,62 @@ def test_annotations_without_a_mask_are_left_out_and_counted(tmp_path: Path) -> 
     assert only.label.max() == 1
 
 
+def tracks(path: Path, segmentations: dict[int, list[Any]]) -> Path:
+    """YouTube-VIS JSON of tracks by their ids."""
+    frames = len(next(iter(segmentations.values())))
+    about = {"id": 1, "height": SIZE[0], "width": SIZE[1]}
+    video = {**about, "name": "disc", "file_names": [f"disc/{t:05d}.jpg" for t in range(frames)]}
+    given = [{"id": n, "video_id": 1, "segmentations": masks} for n, masks in segmentations.items()]
+    path.write_text(json.dumps({"videos": [video], "annotations": given}))
+    return path
+
+
+NOTHING: dict[str, tuple[Any, bool]] = {
+    "shares of the sides": ([[0.1, 0.2, 0.3, 0.2, 0.3, 0.4, 0.1, 0.4]], True),
+    "shares in two polygons": ([[0.1, 0.2, 0.3, 0.2, 0.3, 0.4], [0.6, 0.6, 0.7, 0.6, 0.7, 0.8]], True),
+    "points of one line": ([[10, 10, 20, 10, 30, 10]], False),
+    "smaller than a pixel": ([[10, 10, 10.2, 10, 10.2, 10.2]], False),
+    "outside": ([[-30, -30, -20, -30, -20, -20, -30, -20]], False),
+    "runs of nothing": ({"size": list(SIZE), "counts": [SIZE[0] * SIZE[1]]}, False),
+    "runs of nothing, packed": (runs(np.zeros(SIZE, np.uint8)), False),
+}
+
+
+@pytest.mark.parametrize("kind", NOTHING)
+def test_masks_that_cover_no_pixel_are_counted(kind: str, tmp_path: Path) -> None:
+    nothing, shares = NOTHING[kind]
+    given = [{**PLAIN_MASK, "track_id": 1}, {"image_id": 0, "segmentation": nothing, "track_id": 2}]
+    source = open_masks(coco(tmp_path / "a.json", given))
+    assert source.read(0).left_out == {"masks that cover no pixel": 1}
+    assert [note.split(":")[0] for note in source.notes] == (
+        ["1 masks have polygons of coordinates from 0 to 1 only"] if shares else []
+    )
+    source = open_masks(tracks(tmp_path / "b.json", {1: [[polygon()], [polygon()]], 2: [nothing, nothing]}))
+    drawn = isinstance(nothing, list)
+    assert source.read(1).left_out == ({"masks that cover no pixel": 1} if drawn else {})
+    assert source.left_out == ({} if drawn else {"tracks without a mask in any frame": 1})
+    assert len(source.notes) == shares
+
+
+@pytest.mark.parametrize(
+    "masks", [[None, None], [None, []], [[], {"size": list(SIZE), "counts": [SIZE[0] * SIZE[1]]}]]
+)
+def test_tracks_that_are_nowhere_are_counted(masks: list[Any], tmp_path: Path) -> None:
+    seen = [None, [polygon()]]
+    source = open_masks(tracks(tmp_path / "a.json", {1: seen, 2: masks, 3: masks}))
+    assert source.left_out == {"tracks without a mask in any frame": 2}
+    assert source.read(1).label.max() == 1
+
+
+@pytest.mark.parametrize(
+    ("ids", "words"),
+    [([1, 2], ""), ([0, 5, 70000], "0 is 1 to 70000 is 3"), ([5], "5 is 1"), ([2, 1], ""), ([1, 3], "1 is 1 to 3 is 2")],
+)  # fmt: skip
+def test_tracks_that_are_numbered_anew_are_told(ids: list[int], words: str, tmp_path: Path) -> None:
+    source = open_masks(tracks(tmp_path / "a.json", {n: [[polygon()]] for n in ids}))
+    assert source.notes == ([f"ids numbered in order: {words}"] if words else [])
+
+
 # ---------------------------------------------------------------------- binary masks
 def _blurred(mask: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.GaussianBlur(mask * np.uint8(255), (0, 0), 3))
@@ -207,6 +283,8 @@ SOFT = {
     "turned": lambda m: cv2.warpAffine(m * np.uint8(255), cv2.getRotationMatrix2D((20, 20), 12, 1), SIZE[::-1]),
     "blurred, 16 bits": lambda m: _blurred(m).astype(np.uint16) * 257,
     "probability": lambda m: np.uint8(250 * _blurred(m).astype(float) / 255),
+    "probability that is never high": lambda m: np.uint8(120 * _blurred(m).astype(float) / 255),
+    "dark, 16 bits": lambda m: np.uint16(20000 * _blurred(m).astype(float) / 255),
 }  # fmt: skip
 
 
@@ -239,6 +317,8 @@ IDS = {
     "one object": lambda m: m,
     "two objects, one of them 255": lambda m: np.where(m, 255, cv2.dilate(m, np.ones((9, 9), np.uint8))).astype(np.uint8),
     "void around the object": _void,
+    "rims of an id of their own": lambda m: np.where(cv2.erode(m, np.ones((3, 3), np.uint8)) < m, 1, 2 * m).astype(np.uint8),
+    "rims of 16 ids": lambda m: sum((cv2.erode(m, np.ones((3, 3), np.uint8), iterations=n) for n in range(6)), np.uint8(0) * m),
     "squares that touch": _many,
     "id 255 beside others": lambda m: np.where(m, 255, np.roll(m, 20, 0) * 40).astype(np.uint8),
 }  # fmt: skip
@@ -267,6 +347,63 @@ def test_what_is_no_number_or_no_motion_in_a_flo_file_is_unknown(
     assert np.isnan(found[:, 3, 4]).all()
     found[:, 3, 4] = 1
     assert (found == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("names", "one", "two"),
+    [
+        (["00000.flo", "00000_fw.flo"], "00000.flo", "00000_fw.flo"),
+        (["00000_fw.flo", "00000_forward.flo"], "00000_forward.flo", "00000_fw.flo"),
+        (["00000.flo", "00000_bw.flo", "00000-backward.flo"], "00000-backward.flo", "00000_bw.flo"),
+        (["forward/00000.flo", "forward/00000_fw.flo"], "00000.flo", "00000_fw.flo"),
+    ],
+)
+def test_two_files_of_one_flow_are_refused(names: list[str], one: str, two: str, tmp_path: Path) -> None:
+    for name in names:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        write_flo(tmp_path / name, np.zeros((2, *SIZE), np.float32))
+    with pytest.raises(FormatError, match=f"{one} and {two} are both the (forward|backward) flow of 00000"):
+        open_flow(tmp_path)
+
+
+@pytest.mark.parametrize("value", [1e300, -1e39, np.inf, np.nan])
+def test_depth_of_no_number_of_32_bits_is_unknown(value: float, tmp_path: Path) -> None:
+    values = np.full(SIZE, value)
+    np.save(tmp_path / "00000.npy", values)
+    with pytest.raises(
+        FormatError, match=r"no finite number of 32 bits; every frame needs depth: make it anew"
+    ):
+        open_depth(tmp_path).read(0)
+    values[0, 0] = 2
+    np.save(tmp_path / "00000.npy", values)
+    found = inverse_depth(open_depth(tmp_path).read(0), "depth")
+    assert found[0, 0] == 0.5
+    assert not (found[1:] > 0).any()
+
+
+def test_the_number_seven_and_its_text_are_one_object(tmp_path: Path) -> None:
+    given = [
+        {**PLAIN_MASK, "image_id": n, "track_id": value}
+        for n, value in enumerate(["7", 7, 7.0, "7", 9, "10"])
+    ]
+    source = open_masks(coco(tmp_path / "a.json", given, [f"{t:05d}.png" for t in range(6)]))
+    assert [int(source.read(t).label.max()) for t in range(6)] == [7, 7, 7, 7, 9, 10]
+    assert not source.notes
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "nothing"])
+@pytest.mark.parametrize("option", ["--proposals", "--flow", "--depth"])
+def test_what_is_neither_file_nor_folder_is_called_what_it_is(
+    kind: str, option: str, source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = "/dev/null" if kind == "device" else str(tmp_path / "given")
+    if kind == "pipe":
+        os.mkfifo(path)
+    is_ = ["--depth-is", "depth"] if option == "--depth" else []
+    words = ["import", str(source), "--store", str(tmp_path / "store"), "--scheduler", "serial"]
+    assert main([*words, option, path, *is_]) == 2
+    told = {"pipe": "is a pipe, which can be read only once", "device": "is a device"}
+    assert f"{path}: {told.get(kind, 'no such file or folder')}" in capsys.readouterr().err
 
 
 def test_disparity_has_no_zero_and_nothing_below() -> None:
@@ -333,6 +470,23 @@ def _crowds(folder: Path) -> Path:
     return coco(folder / "a.json", [*given, other], names)
 
 
+def _sparse(*ids: int) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        for t in range(FRAMES):
+            label = square(t).astype(np.uint16) * ids[0]
+            label[0, : len(ids)] = ids
+            Image.fromarray(label).save(folder / f"{t:05d}.png")
+        return folder
+
+    return write
+
+
+def _no_pixel(folder: Path) -> Path:
+    shares = [[0.1, 0.2, 0.3, 0.2, 0.3, 0.4, 0.1, 0.4]]
+    masks = [[polygon(t)] for t in range(FRAMES)]
+    return tracks(folder / "a.json", {1: masks, 2: [shares] * FRAMES, 9: [None] * FRAMES})
+
+
 def _images(folder: Path) -> Path:
     for t in range(FRAMES):
         Image.fromarray(square(t)).save(folder / f"{t:05d}.png")
@@ -366,6 +520,10 @@ def _disparity(folder: Path) -> Path:
 TOLD = {
     "strokes": ("proposals", _strokes, "left out: annotations without a mask (1), polygons of fewer than three points (4)"),
     "new ids": ("proposals", _strokes, "; ids numbered in order: 0 is 1"),
+    "sparse ids": ("proposals", _sparse(7, 300, 65535), "; ids numbered in order: 7 is 1 to 65535 is 3"),
+    "ids that can be kept": ("proposals", _sparse(7, 300, 1023), "4 of 4 frames; 0 px hidden below others"),
+    "a sparse id": ("proposals", _sparse(5000), "; ids numbered in order: 5000 is 1"),
+    "no pixel": ("proposals", _no_pixel, "left out: masks that cover no pixel (4), tracks without a mask in any frame (1); ids numbered in order: 1 is 1 to 9 is 3; 4 masks have polygons of coordinates from 0 to 1 only"),
     "crowds": ("proposals", _crowds, "annotations of other videos (1); 4 marked as crowds (iscrowd)"),
     "files": ("proposals", _images, "masks on 4 of 4 frames; 0 px hidden below others; left out: other files and folders beside them (2)"),
     "flow": ("flow", _flow, "3 pairs, 50.0 % of the pixels unknown; left out: other files and folders beside them (1)"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,10 +12,11 @@ import pytest
 from conftest import write_folder
 from runs import masks, segment
 
+from zsmoseg.errors import SettingsError
 from zsmoseg.flow.dis import Dis, between
 from zsmoseg.metrics.tracks import track_scores
 from zsmoseg.settings import resolve
-from zsmoseg.synthetic import CAMERAS, Camera, Scene, flow_scene, rigid_flow, video_scene
+from zsmoseg.synthetic import CAMERAS, Camera, Scene, flow_scene, flow_scenes, rigid_flow, video_scene
 from zsmoseg.synthetic import Motion as Screw
 
 SMALL = 120, 214
@@ -137,8 +139,55 @@ def test_depth_of_rendered_clips_explains_their_flow(clip: Scene) -> None:
 
 
 def test_too_fast_movers_are_refused_in_words() -> None:
-    with pytest.raises(ValueError, match="ask for fewer or slower"):
+    with pytest.raises(SettingsError, match="ask for fewer or slower"):
         video_scene(0, n_movers=2, n_objects=0, n_frames=9, shape=(60, 106), speed=40)
+
+
+WRONG: list[tuple[Any, dict[str, Any], str]] = [
+    *[
+        (make, given, words)
+        for make in (flow_scene, video_scene)
+        for given, words in (
+            ({"camera": "nope"}, "camera = 'nope': expected one of still, pan"),
+            ({"camera": 3}, "camera = 3: expected one of"),
+            ({"n_movers": -1}, "n_movers = -1: expected a whole number, 0 to"),
+            ({"n_objects": -2}, "n_objects = -2: expected a whole number, 0 to"),
+            ({"n_objects": 2.5}, "n_objects = 2.5: expected a whole number"),
+            ({"n_objects": 100_000}, "n_objects = 100000: expected a whole number, 0 to 10000"),
+            ({"shape": (0, 96)}, "the height in shape = 0: expected a whole number, 16 or more"),
+            ({"shape": (64, -1)}, "the width in shape = -1"),
+            ({"shape": 64}, "shape = 64: expected height and width"),
+            ({"shape": (64, 96, 3)}, "expected height and width"),
+        )
+    ],
+    (video_scene, {"n_frames": 1}, "n_frames = 1: expected a whole number, 2 or more"),
+    (video_scene, {"n_near": -1}, "n_near = -1"),
+    (video_scene, {"speed": float("nan")}, "a speed = nan: expected a number, 0 or more"),
+    (video_scene, {"speeds": (1.0, float("inf"))}, "a speed = inf"),
+    (video_scene, {"seed": -1}, "seed = -1"),
+    (flow_scene, {"n_pairs": 0}, "n_pairs = 0: expected a whole number, 1 or more"),
+    (flow_scene, {"min_contrast": float("nan")}, "min_contrast = nan: expected a number"),
+    (flow_scene, {"min_contrast": -1}, "min_contrast = -1"),
+    (flow_scene, {"noise": "much"}, "noise = 'much': expected a number"),
+    (flow_scene, {"companions": 1.5}, "companions = 1.5: expected a number, 0 to 1"),
+    (flow_scene, {"leak": -3}, "leak = -3"),
+    (flow_scene, {"n_movers": 9, "n_objects": 4}, "n_movers = 9: expected a whole number, 0 to 4"),
+    (flow_scene, {"n_mover": 1}, "n_mover is no wish; there are n_movers, "),
+]
+
+
+@pytest.mark.parametrize(("make", "given", "words"), WRONG)
+def test_what_no_scene_can_be_is_refused_by_name(make: Any, given: dict[str, Any], words: str) -> None:
+    with pytest.raises(SettingsError) as error:
+        make(**{"seed": 0, **given})
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize("given", [{"min_contrast": 50, "n_movers": 1}, {"n_movers": 9, "n_objects": 12}])
+def test_scenes_that_are_never_clear_are_given_up(given: dict[str, Any], monkeypatch: Any) -> None:
+    monkeypatch.setattr(flow_scenes, "ATTEMPTS", 2)
+    with pytest.raises(SettingsError, match=r"in 12 layouts .* ask for less contrast or fewer movers"):
+        flow_scene(0, n_pairs=1, shape=(32, 48), **given)
 
 
 def test_a_rendered_clip_is_segmented_from_its_pictures(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from zsmoseg.errors import SettingsError, StoreError, ZsmosegError
+from zsmoseg.remote.url import given_path
 from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.dataset import open_dataset
@@ -24,6 +25,7 @@ from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups, moving_objects
 from zsmoseg.workflows.stages.proposed.objects import MaskObjects, object_names
+from zsmoseg.workflows.warned import warnings_of
 from zsmoseg.workflows.wording import counted
 
 if TYPE_CHECKING:
@@ -142,11 +144,14 @@ class Result:
 
     @property
     def warnings(self) -> list[str]:
-        """What the grouping warns of; empty where it has nothing to warn of."""
-        record = self.artifact("groups").part(0)
+        """What the result warns of; empty where it has nothing to warn of."""
+        groups = self.artifact("groups")
+        record = groups.part(0)
         if record is None:
             raise StoreError(f"{self.name}: its groups are gone or damaged; run the same command again")
-        return list(record.facts["warnings"])
+        return warnings_of(
+            record.facts["warnings"], groups, self.artifact("objects") if "proposals" in self.keys else None
+        )
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -245,7 +250,7 @@ class OpenStore:
     """The finished videos of a store: ``open_store(path)["goat"]``."""
 
     def __init__(self, path: str | PurePath) -> None:
-        self.store = Store.open(path, create=False)
+        self.store = Store.open(given_path(path, "path"), create=False)
 
     def __getitem__(self, name: str) -> Result:
         return self.get(name)
@@ -289,12 +294,18 @@ class OpenStore:
         ------
         StoreError
             There is no such run.
+        SettingsError
+            The name is no text.
         """
+        if not isinstance(name, str):
+            raise SettingsError(
+                f"the name of a video is of type {type(name).__name__}; give one of those that list(store) has, as text"
+            )
         for entry in self._finished(name):
             if run in (None, entry.run):
                 return Result.of(self.store, entry)
         raise StoreError(
-            f"{self.store.path}: no finished run {run + ' ' if run else ''}of {name!r}; "
+            f"{self.store.path}: no finished run {f'{run} ' if run else ''}of {name!r}; "
             "zsmoseg status and zsmoseg runs list what is there"
         )
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from numbers import Integral
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, Literal
 
 from zsmoseg.errors import SettingsError, StageError, VideoError
-from zsmoseg.remote.url import folder
+from zsmoseg.remote.url import folder, given_path
 from zsmoseg.settings import Settings, resolve
 from zsmoseg.workflows.result import Result, open_store
 from zsmoseg.workflows.running.callback import Progress, Told
@@ -51,10 +52,13 @@ def segment(
     ZsmosegError
         Bad input, or a part that failed.
     """
+    source, out, store = (
+        given_path(value, name) for value, name in ((source, "source"), (out, "out"), (store, "store"))
+    )
     where = scheduler if scheduler is not None else "serial" if workers is None else "local"
     if workers is not None and not (isinstance(workers, int) and workers >= 1 and where == "local"):
         raise SettingsError(f"workers = {workers!r}: expected 1 or more, with scheduler 'local' or none")
-    chosen = _settings(groups, preset, settings or {})
+    chosen = _settings(groups, preset, {} if settings is None else settings)
     request = Request([str(source)], folder(out), folder(store), chosen, where, workers)
     found = [name for _, name in found_in(request)]
     if len(found) > 1:
@@ -70,6 +74,12 @@ def segment(
 
 def _settings(groups: int | str, preset: str, given: Mapping[str, Any]) -> Settings:
     """All settings; ``groups`` is one of them by a shorter name."""
+    if not isinstance(given, Mapping):
+        raise SettingsError(
+            f"settings are of type {type(given).__name__}; give a mapping, as {{'groups.count': 2}}"
+        )
+    if not isinstance(groups, str | Integral):
+        raise SettingsError(f"groups are of type {type(groups).__name__}; give a number or 'auto'")
     count = given.get("groups.count", groups)
     if groups not in ("auto", count):
         raise SettingsError(f"groups = {groups!r}: settings say groups.count = {count!r}; give one of them")

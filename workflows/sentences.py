@@ -9,6 +9,7 @@ from typing import Any
 from zsmoseg.grouping.decisions import BORDER, Reason
 from zsmoseg.workflows.wording import counted
 
+UNSEEN = "no pair of frames shows it against the static world"
 Row = Mapping[str, Any]
 """Of the table ``Result.objects`` or ``Result.pieces``."""
 
@@ -97,13 +98,15 @@ def _against_world(piece: Row, visible: float) -> str:
             f"{piece['tolerance']:.3f} px are tolerated: affinity {piece['world']:.2f} with the world, {side} the "
             f"border of {BORDER:.2f}"
         )
+    if piece["visibility"] == 0:  # neither motion left anything: there was nothing to look at
+        return UNSEEN
     if piece["visibility"] < visible:
         return (
             "the static world's motion explains its image as well as its own flow does (error ratio "
             f"{piece['visibility']:.2f}, needed {visible:.2f})"
         )
     if piece["counts"]:
-        return "no pair of frames shows it against the static world"
+        return UNSEEN
     return "what it costs the static world counts for nothing beside what stands on the ground"
 
 

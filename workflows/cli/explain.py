@@ -75,6 +75,7 @@ def _told(result: Result, number: int | None) -> Iterator[str]:
     """The evidence for all objects, or for one, or for one piece of an object."""
     from zsmoseg.errors import StoreError
     from zsmoseg.workflows.sentences import of_object, of_piece
+    from zsmoseg.workflows.warned import wholly_ignored
 
     pieces = {row["piece"]: row for row in result.pieces.to_dict("records") if row["piece"] > 0}
     things = [row for row in result.objects.to_dict("records") if row["object"] > 0]
@@ -86,6 +87,12 @@ def _told(result: Result, number: int | None) -> Iterator[str]:
     yield from (of_piece(piece, visible) for piece in joined)
     if number is None and not things:
         yield "nothing was proposed: there is no object"
+    elif (
+        number is not None
+        and "proposals" in result.keys
+        and number in wholly_ignored(result.artifact("objects"), result.groups.area)
+    ):
+        yield f"object {number}: lies wholly in what is ignored (--ignore), so it is left out"
     elif not chosen and not joined:
         there = ", ".join(str(thing["object"]) for thing in things) or "none"
         raise StoreError(f"{result.name} has no object {number}; there are {there}")

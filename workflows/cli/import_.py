@@ -45,6 +45,7 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.workflows.running.progress import make_watcher
     from zsmoseg.workflows.running.request import Request
     from zsmoseg.workflows.running.run import each_plan, found_in, run
+    from zsmoseg.workflows.wording import counted
 
     settings = resolve(options.preset, options.config, overrides(options))
     kinds = [kind for kind in KINDS if getattr(settings, kind).path]
@@ -61,7 +62,8 @@ def main(options: argparse.Namespace) -> int:
             for line in brought_lines(plan):
                 print(f"{plan.name}: {line}")
     if report.failures:
-        print(f"zsmoseg: {len(report.failures)} videos were not imported", file=sys.stderr)
+        verb = "was" if len(report.failures) == 1 else "were"
+        print(f"zsmoseg: {counted(len(report.failures), 'video')} {verb} not imported", file=sys.stderr)
         return 1
     without = " ".join(f"--set {kind}.source={KINDS[kind]}" for kind in kinds)
     print(f"zsmoseg run with --store {store} uses them from now on; without them: {without}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import Literal
 
 from zsmoseg.errors import OutputError, SettingsError, StoreError
@@ -92,12 +93,19 @@ def _jobs(result: Result, out: Path, choice: Choice) -> list[Job]:
     return [(format.path(out, result.name, part.cues[0]), result, part) for part in parts]
 
 
+def _again(result: Result) -> str:
+    """The command that runs the video once more, into the same folders."""
+    told = {"--store": result.store.path, "-o": files.folder(result.out).parent if result.out else None}
+    given = [f"{option} {quote(str(path))}" for option, path in told.items() if path is not None]
+    return " ".join(["zsmoseg run", quote(result.probe.source), *given])
+
+
 def _check_cues(result: Result, cues: Sequence[str]) -> None:
     for cue in cues:
         if not result.artifact(cue).exists:
             raise StoreError(
                 f"{result.name}: its {cue} is not in the store (any more); make it again with "
-                f"zsmoseg run {result.probe.source} --from {cue}"
+                f"{_again(result)} --from {cue}"
             )
         if not result.artifact(cue).arrays:
             raise StoreError(

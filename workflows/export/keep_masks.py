@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from zsmoseg.errors import FormatError, OutputError
+from zsmoseg.errors import FormatError, OutputError, SettingsError
 from zsmoseg.formats.frame_names import match_frames
 from zsmoseg.formats.keep import encode_keep
 from zsmoseg.stores import files
@@ -32,8 +32,14 @@ def write_nerfstudio(result: Result, path: Path, choice: Choice) -> None:
 
 
 def check_images(result: Result, choice: Choice) -> None:
-    """Raise where the images for which masks are made cannot be read, or are not those of the video."""
+    """Raise where what moves would grow by more than the frame, or the images for which masks are made cannot be read, or are
+    not those of the video.
+    """
     size = result.probe.width, result.probe.height
+    if choice.dilate > max(size):
+        raise SettingsError(
+            f"--dilate {choice.dilate}: {result.name} is {size[0]} x {size[1]}; give {max(size)} px or less"
+        )
     for image in _images(result, choice.images):
         if image_size(image) != size:
             raise FormatError(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from zsmoseg.errors import FormatError, OutputError
 from zsmoseg.formats.coco import encode_coco
-from zsmoseg.formats.mots import PER_CLASS, encode_mots
+from zsmoseg.formats.mots import PER_CLASS, encode_mots, too_high
 from zsmoseg.formats.npy import write_volume
 from zsmoseg.formats.ytvis import encode_ytvis
 from zsmoseg.painting.palette import encode_png
@@ -50,8 +50,7 @@ def write_mots(result: Result, path: Path, choice: Choice) -> None:
 
 
 def check_mots(result: Result, choice: Choice) -> None:
-    """Raise ``FormatError`` where there are more objects than MOTS text can number."""
-    if number_tables(result, choice.what, choice.when).max(initial=0) >= PER_CLASS:
-        raise FormatError(
-            f"{result.name}: MOTS text numbers at most {PER_CLASS - 1} objects; use another format"
-        )
+    """Raise ``FormatError`` where an object has a number that MOTS text cannot hold."""
+    highest = int(number_tables(result, choice.what, choice.when).max(initial=0))
+    if highest >= PER_CLASS:
+        raise FormatError(f"{result.name}: {too_high(highest)}")

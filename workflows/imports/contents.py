@@ -112,7 +112,8 @@ def depth_of(
         inverse = relative(inverse_depth(values, s.kind), grid)
         if not np.isfinite(inverse).any():
             raise FormatError(
-                f"{s.path}: the depth of frame {probe.names[frame]} is unknown everywhere; leave it out"
+                f"{s.path}: the depth of frame {probe.names[frame]} is unknown everywhere; every frame needs one that is "
+                "known somewhere: make it anew"
             )
         yield inverse
 
@@ -138,9 +139,10 @@ def check(
                 left_out += masks.left_out
                 seen += bool(masks.label.any())
         if not seen:
+            source = open_masks(Path(section.path), title(probe.source))
+            words = left_out_words(left_out + source.left_out), *source.notes
             raise FormatError(
-                f"{section.path}: has no mask in any of the {frames} frames{left_out_words(left_out)}; "
-                "names must be those of the frames"
+                f"{section.path}: has no mask in any of the {frames} frames{'; '.join(words)}; give masks that cover pixels of them"
             )
     elif kind == "flow":
         for _ in flow_of(section, probe, 0, frames - 1, grid):

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
-from zsmoseg.errors import AccessError, StageError, StoreError, ZsmosegError, in_words, stops_all
+from zsmoseg.errors import AccessError, StoreError, ZsmosegError, in_words, stops_all
 from zsmoseg.stores import files, seen
 from zsmoseg.stores.leases import lease
 from zsmoseg.stores.location import MARK, Store
@@ -20,7 +20,7 @@ from zsmoseg.workflows.planning.rates import Rates, Taken, kept_work
 from zsmoseg.workflows.running.artifacts import prepare, seal_video
 from zsmoseg.workflows.running.choosing import Named
 from zsmoseg.workflows.running.first_look import make_plan
-from zsmoseg.workflows.running.request import KEPT, Failure, Report, Request, Watcher
+from zsmoseg.workflows.running.request import KEPT, Failure, Report, Request, Watcher, none_can_run
 
 
 class Batch:
@@ -75,10 +75,7 @@ class Batch:
             self._wait()
             plan = self._next()
         if self.record is None and self._unheard:
-            first, many = next(iter(self._unheard.values())).message, len(self._unheard)
-            raise StageError(
-                first if many == 1 else f"none of the {many} videos can be run; the first: {first}"
-            )
+            raise none_can_run(list(self._unheard.values()))
         return plan
 
     def _next(self) -> VideoPlan | None:

@@ -9,6 +9,7 @@ from zsmoseg.errors import SettingsError
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import DONE, latest
 from zsmoseg.workflows.running.request import Choice
+from zsmoseg.workflows.wording import counted
 
 Named = tuple[str, str]
 """A source and the name of its video."""
@@ -60,6 +61,6 @@ def unfinished(store: Store) -> set[str]:
 def nothing_left(found: int, choice: Choice) -> str:
     """Why no video is left to run, in words."""
     if choice.retry_failed:
-        return f"nothing to retry: of {found} videos none failed when it ran last with this store"
+        return f"nothing to retry: of {counted(found, 'video')} none failed when it ran last with this store"
     i, n = choice.share or (1, 1)
-    return f"nothing to do: share {i} of {n} holds none of the {found} videos"
+    return f"nothing to do: share {i} of {n} holds none of the {counted(found, 'video')}"

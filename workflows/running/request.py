@@ -8,7 +8,7 @@ from pathlib import Path, PurePath
 from traceback import format_exception
 from typing import Any, Literal, Protocol
 
-from zsmoseg.errors import ZsmosegError, in_words
+from zsmoseg.errors import StageError, ZsmosegError, in_words
 from zsmoseg.settings import Settings
 from zsmoseg.workflows.planning.estimate import Estimate
 from zsmoseg.workflows.planning.plan import VideoPlan
@@ -154,6 +154,12 @@ class Report:
         if failure.trace:
             self.traces[name] = failure.trace
         watcher.failed(name, failure.message)
+
+
+def none_can_run(failures: Sequence[Failure]) -> StageError:
+    """The error where not one video can be planned."""
+    first, many = failures[0].message, len(failures)
+    return StageError(first if many == 1 else f"none of the {many} videos can be run; the first: {first}")
 
 
 @dataclass(frozen=True)

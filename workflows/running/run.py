@@ -30,7 +30,7 @@ from zsmoseg.workflows.running.driving import Drive
 from zsmoseg.workflows.running.executors import make_executor
 from zsmoseg.workflows.running.first_look import make_plan
 from zsmoseg.workflows.running.guard import leave_if_imported_again
-from zsmoseg.workflows.running.request import Failure, Quiet, Report, Request, Watcher
+from zsmoseg.workflows.running.request import Failure, Quiet, Report, Request, Watcher, none_can_run
 from zsmoseg.workflows.running.scheduler import check_scheduler
 from zsmoseg.workflows.running.workers import Needs
 
@@ -190,7 +190,7 @@ def dry_run(request: Request) -> Iterator[str]:
     Raises
     ------
     ZsmosegError
-        Of a single video, why it cannot be planned.
+        Of a single video, why it cannot be planned; of several not one can be.
     """
     check_scheduler(request.scheduler)
     with system_errors_in_words():
@@ -201,14 +201,17 @@ def dry_run(request: Request) -> Iterator[str]:
         if not choose(found, request.choice, store):
             yield nothing_left(len(found), request.choice)
             return
-        rates, plans = Rates.load(), list[VideoPlan]()
+        rates, plans, failures = Rates.load(), list[VideoPlan](), list[Failure]()
         guess = estimate([], rates)
         for name, plan in each_plan(request, store, found):
             if isinstance(plan, Failure):
                 yield f"{name}: {plan.message}"
+                failures.append(plan)
                 continue
             guess += estimate([plan], rates)
             plans = [*plans[: LOOK[0]], plan]
             yield from explain_plan([plan])
+        if not plans:
+            raise none_can_run(failures)
         kind, workers = _who(request, plans, guess.seconds < SMALL)
         yield from estimate_lines(_lasting(guess, kind, workers, rates))

@@ -15,6 +15,7 @@ from zsmoseg.grouping.decisions import Reason
 from zsmoseg.settings import Settings
 from zsmoseg.stores import files
 from zsmoseg.stores.arrays import Arrays
+from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.output import LIST, STATES, SUMMARY
 from zsmoseg.stores.records import as_json, read_json
 from zsmoseg.stores.seen import VIDEO
@@ -24,6 +25,7 @@ from zsmoseg.workflows.stages.front_end import Labels
 from zsmoseg.workflows.stages.motion.affinity import Affinity
 from zsmoseg.workflows.stages.motion.groups import Groups
 from zsmoseg.workflows.stages.proposed.objects import object_names
+from zsmoseg.workflows.warned import warnings_of
 
 T = TypeVar("T", bound=Arrays)
 
@@ -134,7 +136,7 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
         "groups": len(np.unique(np.append(group, 0))),
         "moving_groups": len(np.unique(group[group > 0])),
         "moving_pixels_percent": _share(area, group, plan),
-        "warnings": record.facts["warnings"],
+        "warnings": warnings_of(record.facts["warnings"], artifact, _proposed(plan)),
         "evidence": evidence,
         "stages": {
             name: _cost(plan, name)
@@ -142,6 +144,11 @@ def summarise(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
             if stage.artifact is not None and not plan.lacks(stage)
         },
     }
+
+
+def _proposed(plan: VideoPlan) -> Artifact | None:
+    """The objects, where masks are proposed."""
+    return plan.stages["objects"].artifact if "proposals" in plan.stages else None
 
 
 def _evidence(plan: VideoPlan, found: Groups) -> Iterator[dict[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from zsmoseg.video.bounds import TooLarge, check_size
 
 Entry = dict[str, Any]
 STROKES, EMPTY = "polygons of fewer than three points", "annotations without a mask"
+NO_PIXEL = "masks that cover no pixel"
 """What is left out of JSON."""
 
 HIGHEST_SCORE = 1e30
@@ -93,3 +94,19 @@ def score_of(entry: Entry, where: str) -> float:
     if not abs(score) <= HIGHEST_SCORE:  # NaN too
         raise FormatError(f"{where}: the score of annotation {entry['id']} is no number; give finite ones")
     return float(score)
+
+
+def normalised_notes(segmentations: Iterable[Any]) -> list[str]:
+    """What to say of polygons whose coordinates are all from 0 to 1: one note where there are some, else none."""
+    count = sum(map(_is_normalised, segmentations))
+    what = "masks have polygons of coordinates from 0 to 1 only"
+    return [f"{count} {what}: if those are shares of width and height, multiply them"] if count else []
+
+
+def _is_normalised(segmentation: Any) -> bool:
+    numbers = (
+        [n for polygon in segmentation for n in (polygon if isinstance(polygon, list) else [None])]
+        if isinstance(segmentation, list)
+        else []
+    )
+    return bool(numbers) and all(isinstance(n, int | float) and 0 <= n <= 1 for n in numbers)

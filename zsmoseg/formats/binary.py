@@ -14,6 +14,8 @@ WHITE = (255, 65535)
 """What is on in a binary mask of 8 and of 16 bits."""
 NEAR = 0.9
 """Of white: the lightest grey of a mask that became soft."""
+LEVELS = 24
+"""Different greys of a frame from which a soft mask is one however dark: a few ids may lie around each other."""
 SOFT = 0.5
 """Share of the greys that lie between a darker and a lighter pixel beside them; of ids hardly any does."""
 BESIDE = np.ones((3, 3), np.uint8)
@@ -26,7 +28,7 @@ def refuse_binary(images: Iterable[tuple[str, NDArray[np.uint16]]]) -> None:
     ----------
     images : where and (H, W) of each frame.
     """
-    first, lightest, soft = "", 0, False
+    first, lightest, soft, levels = "", 0, False, 0
     for where, image in images:
         top = int(image.max(initial=0))
         if not top:
@@ -36,11 +38,11 @@ def refuse_binary(images: Iterable[tuple[str, NDArray[np.uint16]]]) -> None:
             between = (cv2.erode(image, BESIDE) < image) & (image < cv2.dilate(image, BESIDE))
             if np.count_nonzero(between & grey) <= SOFT * np.count_nonzero(grey):
                 return
-            soft = True
+            soft, levels = True, max(levels, len(np.unique(image[grey])))
         elif top not in WHITE:
             return
         first, lightest = first or where, max(lightest, top)
-    if any(NEAR * white <= lightest <= white for white in WHITE):
+    if levels >= LEVELS or any(NEAR * white <= lightest <= white for white in WHITE):
         what = (
             f"greys between 0 and {lightest}, as a mask with a soft border has"
             if soft

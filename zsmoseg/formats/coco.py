@@ -14,7 +14,18 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
-from zsmoseg.formats.annotations import EMPTY, STROKES, Entry, choose_video, entries, field, score_of, size_of
+from zsmoseg.formats.annotations import (
+    EMPTY,
+    NO_PIXEL,
+    STROKES,
+    Entry,
+    choose_video,
+    entries,
+    field,
+    normalised_notes,
+    score_of,
+    size_of,
+)
 from zsmoseg.formats.names import inside
 from zsmoseg.formats.overlaps import FrameMasks, MaskSource, refuse_many, stack, text
 from zsmoseg.formats.track_ids import Value, numbers_of, track_ids
@@ -55,6 +66,7 @@ class CocoImages(MaskSource):
         self._number = {a["id"]: numbers[n] for a, n in zip(found, ids or [], strict=bool(ids))}
         crowds = sum(bool(a.get("iscrowd")) for a in found)
         self.notes += [*([f"{crowds} {CROWDS}"] if crowds else []), *([note] if note else [])]
+        self.notes += normalised_notes(a["segmentation"] for a in found)
 
     def _read(self, index: int) -> FrameMasks:
         image = self._images[index]
@@ -65,7 +77,13 @@ class CocoImages(MaskSource):
             (a, *rle.decode(a["segmentation"], self.size, f"{where}, annotation {a['id']}")) for a in found
         ]
         kept = [(a, mask) for a, mask, _ in drawn if mask is not None]
-        left_out = Counter({STROKES: sum(n for *_, n in drawn), EMPTY: len(drawn) - len(kept)})
+        left_out = Counter(
+            {
+                STROKES: sum(n for *_, n in drawn),
+                EMPTY: len(drawn) - len(kept),
+                NO_PIXEL: sum(not mask.any() for _, mask in kept),
+            }
+        )
         scores = [score_of(a, where) for a, _ in kept] if self._scored else None
         numbers = self._numbers([a for a, _ in kept], where)
         return stack([mask for _, mask in kept], self.size, numbers, scores, +left_out)

@@ -170,10 +170,13 @@ def as_depth(values: Array, where: str) -> Map:
         raise FormatError(
             f"{where}: is {text(values.shape)} {values.dtype}; depth is one number a pixel, (y, x)"
         )
-    if not np.isfinite(values).any():
-        raise FormatError(f"{where}: holds no finite number; leave the file out or make it anew")
-    with np.errstate(over="ignore"):  # beyond float32 is infinite
-        return values.astype(np.float32)
+    with np.errstate(over="ignore"):
+        found = values.astype(np.float32)
+    if not np.isfinite(found).any():
+        raise FormatError(
+            f"{where}: holds no finite number of 32 bits; every frame needs depth: make it anew"
+        )
+    return found
 
 
 def inverse_depth(values: NDArray[Any], kind: Kind) -> Map:

@@ -127,12 +127,14 @@ def _open_folder(path: Path) -> FlowSource:
     files: dict[str, dict[str, Path]] = {}
     if folders:
         for side, folder in folders.items():
-            files[side] = {SUFFIX.sub("", f.stem): f for f in frame_files(folder)}
+            files[side] = _by_pair(frame_files(folder), side)
     else:
+        sorted_out: dict[str, list[Path]] = {}
         for f in frame_files(path):
             end = SUFFIX.search(f.stem)
             side = "backward" if end and end[1].lower().startswith("b") else "forward"
-            files.setdefault(side, {})[SUFFIX.sub("", f.stem)] = f
+            sorted_out.setdefault(side, []).append(f)
+        files = {side: _by_pair(found, side) for side, found in sorted_out.items()}
     if not files.get("forward"):
         raise FormatError(
             f"{path}: holds no forward flow; give .flo, .png, .npy or .npz named like the first frames"
@@ -150,6 +152,25 @@ def _open_folder(path: Path) -> FlowSource:
     return FlowSource(
         path, list(forward), len(forward), {side: reader(side) for side in order}, sum(rest, Counter())
     )
+
+
+def _by_pair(found: list[Path], side: str) -> dict[str, Path]:
+    """The files of one direction by the names of their pairs.
+
+    Raises
+    ------
+    FormatError
+        If a pair has two.
+    """
+    named: dict[str, Path] = {}
+    for file in found:
+        pair = SUFFIX.sub("", file.stem)
+        if pair in named:
+            raise FormatError(
+                f"{file.parent}: {named[pair].name} and {file.name} are both the {side} flow of {pair}; keep one of them"
+            )
+        named[pair] = file
+    return named
 
 
 def _both(file: Path) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from zsmoseg.errors import FormatError
-from zsmoseg.formats.names import DIGITS
+from zsmoseg.formats.names import DIGITS, frame_number
 
 NUMBERED = re.compile(r"[^\W\d_]*(\d+)|(\d{3,})[^\W\d_]+")
 """A word with one number, as ``00012``, ``frame12`` and ``480p``; most hashes have several, or a short one in front."""
@@ -67,6 +67,7 @@ def _match_names(entries: Sequence[str], names: Sequence[str], where: str | Path
     for i, entry in enumerate(entries):
         found = frames.of(entry, common)
         if not found:
+            _refuse_other_beginning(entries, names, where)
             raise FormatError(
                 f"{where}: {entry} belongs to no frame of the video ({names[0]} to {names[-1]}); rename or remove it"
             )
@@ -81,6 +82,23 @@ def _match_names(entries: Sequence[str], names: Sequence[str], where: str | Path
             )
         out[t] = i
     return out
+
+
+def _refuse_other_beginning(entries: Sequence[str], names: Sequence[str], where: str | Path) -> None:
+    """Raise where as many entries as frames count on from another number: all are meant, each by another frame."""
+    first, start = (_counting(called) for called in (entries, names))
+    if len(entries) == len(names) and None not in (first, start) and first != start:
+        raise FormatError(
+            f"{where}: counts from {first} ({entries[0]} to {entries[-1]}), the frames of the video from {start} ({names[0]} to "
+            f"{names[-1]}); rename all, so that each is called like its frame"
+        )
+
+
+def _counting(names: Sequence[str]) -> int | None:
+    """The number that names count from, one by one, in any order; None where they do not."""
+    found = sorted(number for name in names if (number := frame_number(name)) is not None)
+    counts = len(found) == len(names) and found == list(range(found[0], found[0] + len(found)))
+    return found[0] if counts else None
 
 
 class _Frames:

@@ -16,7 +16,7 @@ def encode_keep(moving: NDArray[np.bool_], dilate: int = 0) -> bytes:
     dilate : px by which they grow: all within this distance of one are ignored too.
     """
     ignored = moving.astype(np.uint8)
-    if dilate:
-        away = np.hypot(*np.mgrid[-dilate : dilate + 1, -dilate : dilate + 1])
-        ignored = np.asarray(cv2.dilate(ignored, (away <= dilate).astype(np.uint8)))
+    if dilate and ignored.any():
+        away = cv2.distanceTransform(1 - ignored, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        ignored |= away <= dilate
     return cv2.imencode(".png", np.where(ignored > 0, 0, 255).astype(np.uint8))[1].tobytes()

@@ -18,7 +18,7 @@ from zsmoseg.errors import FormatError
 from zsmoseg.formats.annotations import load_json
 from zsmoseg.formats.coco import CocoImages
 from zsmoseg.formats.indexed import IndexedFolder
-from zsmoseg.formats.names import frame_files
+from zsmoseg.formats.names import frame_files, not_there
 from zsmoseg.formats.npy import keys
 from zsmoseg.formats.overlaps import FrameMasks, MaskSource
 from zsmoseg.formats.volumes import PREFIX, Detections, IdVolume, ProposalFolder
@@ -46,7 +46,7 @@ def open_masks(path: str | Path, name: str | None = None) -> MaskSource:
     if path.is_dir():
         return _open_folder(path)
     if not path.is_file():
-        raise FormatError(f"{path}: no such file or folder")
+        raise not_there(path)
     ending = path.suffix.lower()
     if ending == ".json":
         return _open_json(path, name)

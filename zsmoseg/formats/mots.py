@@ -21,6 +21,11 @@ PER_CLASS = 1000
 """An id is 1000 times its class plus the number of the object."""
 
 
+def too_high(number: int) -> str:
+    """What to say of an object whose number MOTS text cannot hold."""
+    return f"the object {number} is beyond {PER_CLASS - 1}, the highest number that MOTS text has; use another format"
+
+
 def encode_mots(labels: Iterable[NDArray[Any]], called: Mapping[int, str] = MappingProxyType({})) -> bytes:
     """MOTS text of one video; frames count from 0.
 
@@ -38,9 +43,7 @@ def encode_mots(labels: Iterable[NDArray[Any]], called: Mapping[int, str] = Mapp
     for t, label in enumerate(labels):
         for n in np.unique(label[label > 0]).tolist():
             if n >= PER_CLASS:
-                raise FormatError(
-                    f"frame {t}: object {n}: MOTS text numbers at most {PER_CLASS - 1}; use another format"
-                )
+                raise FormatError(f"frame {t}: {too_high(n)}")
             mask = rle.encode(label == n)
             height, width = mask["size"]
             kind = CLASSES.get(called.get(n, ""), UNKNOWN)

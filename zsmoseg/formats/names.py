@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 from zsmoseg.errors import FormatError
+from zsmoseg.video.places import special
 from zsmoseg.video.plain_names import parts_of
 from zsmoseg.video.sources import natural
 
@@ -32,6 +33,14 @@ SIDES = ("forward", "backward")
 """Folders of flow."""
 
 
+def not_there(path: Path) -> FormatError:
+    """The error for a path that is neither a file nor a folder."""
+    found = special(str(path))
+    return FormatError(
+        f"{path}: {found}; give a file or a folder" if found else f"{path}: no such file or folder"
+    )
+
+
 def find_for_video(path: str | Path, video: str) -> Path:
     """The folder or file of one video.
 
@@ -51,7 +60,7 @@ def find_for_video(path: str | Path, video: str) -> Path:
     if path.is_file():
         return path
     if not path.is_dir():
-        raise FormatError(f"{path}: no such file or folder")
+        raise not_there(path)
     looked_for = [path / name, *(path / f"{name}{end}" for end in WHOLE)]
     found = [p for p in looked_for if p.exists()]
     if len(found) > 1:

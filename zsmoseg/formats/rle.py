@@ -71,6 +71,17 @@ def decode(segmentation: Any, size: tuple[int, int], where: str) -> tuple[NDArra
         raise FormatError(f"{where}: the segmentation is damaged ({error}); write the file anew") from error
 
 
+def draws(segmentation: Any) -> bool:
+    """Whether a segmentation is more than null, no polygon, or run lengths of nothing; what is damaged is left for ``decode``."""
+    if not isinstance(segmentation, dict):
+        return bool(segmentation)
+    counts = segmentation.get("counts")
+    try:
+        return any((counts if isinstance(counts, list) else run_lengths(counts or ""))[1::2])
+    except (TypeError, ValueError):
+        return True
+
+
 def _is_stroke(polygon: Any) -> bool:
     """Whether a polygon has fewer than three points."""
     return (

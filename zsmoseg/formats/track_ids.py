@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ IDS = ("track_id", "instance_id")
 """Fields that tell objects through the video; of annotations, or of their ``attributes`` (CVAT)."""
 
 Value = int | str
+NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,17})")
+"""A text that is a whole number, as it would be written."""
 
 
 def track_ids(annotations: Sequence[Entry], path: Path) -> list[Value] | None:
@@ -34,10 +37,12 @@ def track_ids(annotations: Sequence[Entry], path: Path) -> list[Value] | None:
                     f"{path}: {having} of {len(found)} annotations have a {key}; give it to all or to none"
                 )
             if having:
-                return [
-                    _checked(v, f"{path}, annotation {a['id']}: {key}")
-                    for v, a in zip(found, annotations, strict=True)
-                ]
+                return _alike(
+                    [
+                        _checked(v, f"{path}, annotation {a['id']}: {key}")
+                        for v, a in zip(found, annotations, strict=True)
+                    ]
+                )
     return None
 
 
@@ -55,6 +60,13 @@ def _checked(value: Any, where: str) -> Value:
     return value
 
 
+def _alike(values: list[Value]) -> list[Value]:
+    """Where some ids are numbers, texts of a number are that number: 7 and "7" are one object."""
+    if not any(isinstance(value, int) for value in values):
+        return values
+    return [int(v) if isinstance(v, str) and NUMBER.fullmatch(v) else v for v in values]
+
+
 def numbers_of(values: Sequence[Value], path: Path) -> tuple[dict[Value, int], str]:
     """The number of each object: its id where that can be stored, else 1.. in order; and what to say of it.
 
@@ -69,6 +81,12 @@ def numbers_of(values: Sequence[Value], path: Path) -> tuple[dict[Value, int], s
         return {n: n for n in whole}, ""
     if len(given) > HIGHEST:
         raise FormatError(f"{path}: has {len(given)} objects; at most {HIGHEST} can be numbered")
-    numbers = {value: k for k, value in enumerate(given, 1)}
+    return {value: k for k, value in enumerate(given, 1)}, ids_in_order(given)
+
+
+def ids_in_order(given: Sequence[Value]) -> str:
+    """What to say of ids that are numbered 1.. in order; nothing where they are so already."""
+    if list(given) == list(range(1, len(given) + 1)):
+        return ""
     last = f" to {given[-1]} is {len(given)}" if len(given) > 1 else ""
-    return numbers, f"ids numbered in order: {given[0]} is 1{last}"
+    return f"ids numbered in order: {given[0]} is 1{last}"

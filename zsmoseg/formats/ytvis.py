@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -13,10 +13,24 @@ from numpy.typing import NDArray
 
 from zsmoseg.errors import FormatError
 from zsmoseg.formats import rle
-from zsmoseg.formats.annotations import STROKES, Entry, choose_video, entries, field, score_of, size_of
+from zsmoseg.formats.annotations import (
+    NO_PIXEL,
+    STROKES,
+    Entry,
+    choose_video,
+    entries,
+    field,
+    normalised_notes,
+    score_of,
+    size_of,
+)
 from zsmoseg.formats.coco import categories_of_ids, dump
 from zsmoseg.formats.names import inside
 from zsmoseg.formats.overlaps import FrameMasks, MaskSource, refuse_many, stack
+from zsmoseg.formats.track_ids import ids_in_order
+
+UNSEEN = "tracks without a mask in any frame"
+"""What is left out of YouTube-VIS JSON."""
 
 
 class Tracks(MaskSource):
@@ -47,6 +61,10 @@ class Tracks(MaskSource):
                 raise FormatError(
                     f"{which}: has {length} segmentations for {len(frames)} frames; give null where none"
                 )
+        unseen = sum(not any(map(rle.draws, t["segmentations"])) for t in self._tracks)
+        self.left_out += Counter({UNSEEN: unseen})
+        note = ids_in_order([t["id"] for t in self._tracks])
+        self.notes += [*([note] if note else []), *normalised_notes(_each_segmentation(self._tracks))]
 
     def _read(self, index: int) -> FrameMasks:
         assert self.frames is not None
@@ -59,8 +77,14 @@ class Tracks(MaskSource):
         ]
         kept = [(n, t, mask) for n, t, mask, _ in drawn if mask is not None]
         scores = [score_of(t, where) for _, t, _ in kept] if self._scored else None
-        left_out = Counter({STROKES: sum(n for *_, n in drawn)})
+        none = sum(not mask.any() and isinstance(t["segmentations"][index], list) for _, t, mask in kept)
+        left_out = Counter({STROKES: sum(n for *_, n in drawn), NO_PIXEL: none})
         return stack([m for *_, m in kept], self.size, [n for n, *_ in kept], scores, +left_out)
+
+
+def _each_segmentation(tracks: Sequence[Entry]) -> Iterator[Any]:
+    for track in tracks:
+        yield from track["segmentations"]
 
 
 def _name(video: Entry, path: Path) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from os import PathLike, fspath
 from pathlib import Path, PurePath, PurePosixPath
+from typing import Any
 from urllib.parse import unquote
 
-from zsmoseg.errors import StoreError, ZsmosegError
+from zsmoseg.errors import SettingsError, StoreError, ZsmosegError
 
 WRITABLE = ("s3", "gs", "az", "memory")
 """Schemes of what can be listed and written."""
@@ -88,6 +90,22 @@ def place(text: str | PurePath, error: type[ZsmosegError] = StoreError) -> Path 
     if not host or ".." in rest.split("/") or "\0" in rest:
         raise error(f"{_open(told)}: is no URL of a folder or file; write it as {scheme}://bucket/name")
     return URL(f"{scheme}:/{host}/{rest}")
+
+
+def given_path(value: Any, name: str) -> str | PurePath:
+    """What a caller in Python gave for the argument ``name``, where a path or a URL is meant.
+
+    Raises
+    ------
+    SettingsError
+        It is neither text nor a path: bytes, None, a list, an array.
+    """
+    found = value if isinstance(value, PurePath) or not isinstance(value, PathLike) else fspath(value)
+    if not isinstance(found, str | PurePath):
+        raise SettingsError(
+            f"{name} is of type {type(value).__name__}; give one path or URL, as text or pathlib.Path"
+        )
+    return found
 
 
 def folder(text: str | PurePath) -> Path | URL:

@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from zsmoseg.errors import SettingsError
+from zsmoseg.remote.url import given_path
 from zsmoseg.settings.gone import GONE, GONE_VALUES
 from zsmoseg.settings.tree import Settings, defaults
 from zsmoseg.settings.words import problems_of, unknown
@@ -68,19 +69,21 @@ def resolve(
     SettingsError
         Unknown preset; unreadable TOML; every setting that is gone, unknown, mistyped or out of range, all at once.
     """
-    if preset not in PRESETS:
-        what = GONE_PRESETS.get(preset, "is unknown")
+    if not isinstance(preset, str) or preset not in PRESETS:
+        what = GONE_PRESETS.get(str(preset), "is unknown")
         raise SettingsError(f"preset {preset!r} {what}; there are {', '.join(PRESETS)}")
-    flat: dict[str, Any] = {
+    flat: dict[Any, Any] = {
         **PRESETS[preset],
-        **(_toml(config) if config else {}),
+        **(_toml(Path(given_path(config, "config"))) if config is not None else {}),
         **(overrides or {}),
     }
     problems = []
     tree: dict[str, dict[str, Any]] = {}
     known = defaults()
     for name, value in flat.items():
-        if unusable := _unusable(value):
+        if not isinstance(name, str):
+            problems.append(f"{name!r} is no name; names are section.name")
+        elif unusable := _unusable(value):
             problems.append(f"{name} {unusable}")
         elif (name, str(value)) in GONE_VALUES:
             problems.append(f"{name}={value} {GONE_VALUES[name, str(value)]}")

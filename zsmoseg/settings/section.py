@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
 from functools import cache
+from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
@@ -47,13 +48,15 @@ class Section(BaseModel):
 
     @field_validator("*", mode="before")
     @classmethod
-    def _no_truth_for_number(cls, value: Any, info: ValidationInfo) -> Any:
-        """True is no 1, though Python takes it for one."""
+    def _numbers(cls, value: Any, info: ValidationInfo) -> Any:
+        """True is no 1, though Python takes it for one; a number is a text where texts of numbers are meant: seconds."""
         each = value if isinstance(value, list | tuple) else [value]
         if cls.model_fields[str(info.field_name)].annotation is not bool and any(
             isinstance(one, bool) for one in each
         ):
             raise ValueError("a truth value")
+        if isinstance(value, Real) and cls.extra(str(info.field_name))["words"]:
+            return f"{value:.12f}".rstrip("0").rstrip(".")
         return value
 
     def active(self) -> dict[str, Any]:

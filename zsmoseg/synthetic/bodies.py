@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zsmoseg.errors import SettingsError
 from zsmoseg.motion.models import Floats
 from zsmoseg.synthetic.scene import Camera
 from zsmoseg.synthetic.textures import texture
@@ -155,7 +156,7 @@ def even_paths(
         place = _at(path, depth)
         if _demands(world, place, path, radius, speed / 100):
             return place, depth, radius
-    raise ValueError(f"no scene has {movers} movers of speed {speed:g}; ask for fewer or slower ones")
+    raise SettingsError(f"no scene has {movers} movers of speed {speed:g}; ask for fewer or slower ones")
 
 
 def uneven_paths(
@@ -187,7 +188,7 @@ def uneven_paths(
             ):
                 break
         else:
-            raise ValueError(
+            raise SettingsError(
                 f"no scene has movers of the speeds {tuple(speeds)}; ask for fewer frames or slower ones"
             )
         done.append(k)

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
+from zsmoseg.errors import SettingsError
 from zsmoseg.motion.models import Floats
 from zsmoseg.synthetic.arrangement import Arrangement, arrange, centred_grid, dilated, stand
 from zsmoseg.synthetic.contrast import Played, contrast_of
 from zsmoseg.synthetic.rigid import Motion, camera_motion, mixed, own_motions, rigid_flow
 from zsmoseg.synthetic.scene import CAMERAS, Camera, Scene
 from zsmoseg.synthetic.textures import flow_noise, smooth_noise
+from zsmoseg.synthetic.wishes import check_camera, check_number, check_shape, check_whole
 
 ATTEMPTS = 60
 """Motions drawn for one layout before another is."""
+LAYOUTS = 12
+"""Layouts drawn before what is asked for is called impossible."""
+MOST = 10_000
+"""Objects: labels have 16 bits."""
 NEXT_LAYOUT = 1_000_003
 """Added to the seed for it: no seed in use is as large."""
 WOBBLE, PERIOD = 0.3, 12
@@ -63,11 +69,39 @@ def flow_scene(seed: int, **wishes: Any) -> Scene:
     ----------
     seed : the scene.
     wishes : fields of ``Wishes``.
+
+    Raises
+    ------
+    SettingsError
+        A wish that there is not, or out of range; in ``LAYOUTS`` layouts the movers were never clear of all else.
     """
-    return _drawn(seed, Wishes(**wishes))
+    odd = wishes.keys() - {field.name for field in fields(Wishes)}
+    if odd:
+        raise SettingsError(
+            f"{min(odd)} is no wish; there are {', '.join(field.name for field in fields(Wishes))}"
+        )
+    check_whole("seed", seed, 0)
+    return _drawn(seed, _checked(Wishes(**wishes)))
 
 
-def _drawn(seed: int, wishes: Wishes) -> Scene:
+def _checked(wishes: Wishes) -> Wishes:
+    """The same wishes, each of which can be."""
+    most = MOST if wishes.n_objects is None else wishes.n_objects
+    for name, count, top in (("n_objects", wishes.n_objects, MOST), ("n_movers", wishes.n_movers, most)):
+        if count is not None:
+            check_whole(name, count, 0, top)
+    if wishes.camera is not None:
+        check_camera(wishes.camera)
+    check_whole("n_pairs", wishes.n_pairs, 1)
+    check_whole("leak", wishes.leak, 0)
+    check_shape(wishes.shape)
+    for name in ("noise", "depth_noise", "min_contrast"):
+        check_number(name, getattr(wishes, name))
+    check_number("companions", wishes.companions, most=1)
+    return wishes
+
+
+def _drawn(seed: int, wishes: Wishes, layouts: int = LAYOUTS) -> Scene:
     rng = np.random.default_rng(seed)
     movers = int(rng.integers(0, 4)) if wishes.n_movers is None else wishes.n_movers
     objects = wishes.n_objects
@@ -84,8 +118,13 @@ def _drawn(seed: int, wishes: Wishes) -> Scene:
         if clear:
             break
     else:
+        if layouts == 1:
+            raise SettingsError(
+                f"min_contrast = {wishes.min_contrast:g}, n_movers = {movers}: in {LAYOUTS} layouts with {ATTEMPTS} motions each "
+                "the movers were never clear of all else by so much; ask for less contrast or fewer movers"
+            )
         drawn = replace(wishes, n_movers=movers, n_objects=objects, camera=camera)
-        return _drawn(seed + NEXT_LAYOUT, drawn)
+        return _drawn(seed + NEXT_LAYOUT, drawn, layouts - 1)
     flow = played.flow + flow_noise(rng, played.flow.shape, wishes.noise)
     observed = scale * (played.inverse_depth + shift * played.inverse_depth.mean())
     if wishes.depth_noise:

@@ -21,7 +21,10 @@ from zsmoseg.synthetic.contrast import Played, contrast_of
 from zsmoseg.synthetic.near_things import near_things
 from zsmoseg.synthetic.render import draw, exact_flow, lens
 from zsmoseg.synthetic.scene import Camera, Scene
+from zsmoseg.synthetic.wishes import check_camera, check_number, check_shape, check_whole
 
+MOST = 10_000
+"""Bodies of a kind: labels have 16 bits."""
 SOFT = 0.6
 """px, standard deviation of the blur of the lens: without it edges are sharper than any camera's."""
 
@@ -56,7 +59,20 @@ def video_scene(
     exact : false leaves flow and contrast out (zeros).
     speeds : one for each mover in the place of ``n_movers`` and ``speed``, against what stands still at its depth.
     n_near : static things near the camera that stand on the ground: poles, walls, boxes.
+
+    Raises
+    ------
+    SettingsError
+        An argument out of range; no scene has so many movers, so fast.
     """
+    check_whole("seed", seed, 0)
+    for name, count in (("n_movers", n_movers), ("n_objects", n_objects), ("n_near", n_near)):
+        check_whole(name, count, 0, MOST)
+    check_whole("n_frames", n_frames, 2)
+    check_shape(shape)
+    check_camera(camera)
+    for one in (speed, *speeds):
+        check_number("a speed", one)
     rng = np.random.default_rng(seed)
     world = travel(rng, camera, n_frames)
     aspect = shape[0] / shape[1]

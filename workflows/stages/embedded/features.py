@@ -113,4 +113,4 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Features]:
     yield Features(start=part.start, stop=part.stop, **found.arrays())
 
 
-STAGE = Stage("features", 2, task, Inputs, Sections, Features, cost=(7.7, 154.9), memory=Memory(working=46))
+STAGE = Stage("features", 3, task, Inputs, Sections, Features, cost=(7.7, 154.9), memory=Memory(working=46))

@@ -52,7 +52,7 @@ def carried_runs(
     Parameters
     ----------
     segment, other
-        (h, w) superpixels of this frame, and of the one that ``flow`` (2, h, w) leads to, px.
+        (h, w) superpixels of this frame, and of the one that ``flow`` (2, h, w) leads to, px; NaN leads nowhere.
     valid
         (h, w) pixels that count.
 
@@ -67,7 +67,7 @@ def carried_runs(
     n = 0
     for y in range(height):
         for x in range(width):
-            if not valid[y, x]:
+            if not valid[y, x] or np.isnan(flow[0, y, x]) or np.isnan(flow[1, y, x]):
                 continue
             to_x, to_y = int(np.rint(x + flow[0, y, x])), int(np.rint(y + flow[1, y, x]))
             if 0 <= to_x < width and 0 <= to_y < height and valid[to_y, to_x]:

@@ -47,8 +47,9 @@ def own_motion(graph: Graph, weight: Floats, camera: Camera) -> Motion:
     Parameters
     ----------
     weight
-        (superpixels) px that count as background.
+        (superpixels) px that count as background; what has no flow does not, and has no own motion.
     """
+    weight = weight * graph.has_flow
     height, width = graph.shape
     y, x = ((graph.place - [height / 2, width / 2]) / (width / 2)).T
     basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 1)
@@ -56,7 +57,8 @@ def own_motion(graph: Graph, weight: Floats, camera: Camera) -> Motion:
     def beyond(flow: Floats) -> Floats:
         observed = np.ascontiguousarray(flow[:, [U, V]])
         field = fit_fields(graph.offset, basis, observed, weight, camera)
-        return np.asarray(observed - np.einsum("nk,nkc->nc", basis, field[graph.frame]), np.float64)
+        left = observed - np.einsum("nk,nkc->nc", basis, field[graph.frame])
+        return np.where(graph.has_flow[:, None], left, 0.0)
 
     return beyond(graph.forward), beyond(graph.backward)
 

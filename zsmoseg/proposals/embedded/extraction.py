@@ -57,7 +57,7 @@ def measure(
     frames, segments
         (n, h, w, 3) and (n, h, w): the frames of the chunk and, where the video goes on, the one after them.
     forward, backward, states
-        (n - 1, 2, h, w), (n - 1, 2, h, w) px and n - 1 states of their pairs.
+        (n - 1, 2, h, w), (n - 1, 2, h, w) px, NaN = unknown, and n - 1 states of their pairs.
     length
         Frames of the chunk: n, or n - 1 where the last one given belongs to the next chunk.
     ignore
@@ -171,7 +171,7 @@ def _pair(one: _Side, two: _Side, state: PairState, valid: Bools, least: int) ->
     pairs[backward, 1] -= two.count
     key = pairs[:, 0] * two.count + pairs[:, 1]
     order = np.argsort(key, kind="stable")
-    new = np.r_[True, np.diff(key[order]) > 0]
+    new = np.diff(key[order], prepend=-1) > 0
     carried = np.zeros((int(new.sum()), 2), np.int64)
     carried[np.cumsum(new) - 1, backward[order].astype(np.int64)] = times[order]
     kept = carried.sum(1) >= least

@@ -36,7 +36,8 @@ class SuperpixelFeatures:
     """(P) index into ``zsmoseg.flow.pairs.STATES``; a cut has no links and zero flow."""
     forward: NDArray[np.float32]
     """(superpixels of the pairs' first frames, 4) mean flow x, y, px; mean error forward and backward, px; mean
-    squared change of the detail along the flow. The columns are ``features_loops.U`` to ``CHANGE``."""
+    squared change of the detail along the flow; NaN where all of it is unknown. The columns are ``features_loops.U``
+    to ``CHANGE``."""
     superpixels_after: NDArray[np.int64]
     """(P) superpixels of the second frame of each pair."""
     backward: NDArray[np.float32]

@@ -82,7 +82,8 @@ def mean_flow(
     segment
         (h, w) superpixels 0 to ``count`` - 1.
     flow, reverse
-        (2, h, w) from this frame to the other one, and from there to this one, px.
+        (2, h, w) from this frame to the other one, and from there to this one, px; NaN = unknown, which counts for
+        nothing.
     detail, other_detail
         (h, w) of this frame and of the other one.
     valid
@@ -90,25 +91,33 @@ def mean_flow(
 
     Returns
     -------
-    (count, 4): columns ``U`` to ``CHANGE``; 0 where no pixel counts.
+    (count, 4): columns ``U`` to ``CHANGE``; 0 where all pixels are ignored, NaN where nothing is known of the others.
     """
     height, width = segment.shape
-    out, pixels = np.zeros((count, FLOW_FEATURES), np.float64), np.zeros(count, np.float64)
+    out, pixels = np.zeros((count, FLOW_FEATURES), np.float64), np.zeros((count, FLOW_FEATURES), np.float64)
+    seen = np.zeros(count, np.bool_)
     for y in range(height):
         for x in range(width):
             if not valid[y, x]:
                 continue
             k, u, v = np.int64(segment[y, x]), flow[0, y, x], flow[1, y, x]
+            seen[k] = True
+            if np.isnan(u) or np.isnan(v):
+                continue
             to_x = min(max(int(np.rint(x + u)), 0), width - 1)
             to_y = min(max(int(np.rint(y + v)), 0), height - 1)
+            error = np.sqrt((u + reverse[0, to_y, to_x]) ** 2 + (v + reverse[1, to_y, to_x]) ** 2)
+            if not np.isnan(error):
+                out[k, ERROR] += error
+                pixels[k, ERROR] += 1
             out[k, U] += u
             out[k, V] += v
-            out[k, ERROR] += np.sqrt((u + reverse[0, to_y, to_x]) ** 2 + (v + reverse[1, to_y, to_x]) ** 2)
             out[k, CHANGE] += (detail[y, x] - _bilinear(other_detail, x + u, y + v)) ** 2
-            pixels[k] += 1
+            for j in (U, V, CHANGE):
+                pixels[k, j] += 1
     for i in range(count):
         for j in range(FLOW_FEATURES):
-            out[i, j] /= max(pixels[i], 1)
+            out[i, j] = np.nan if seen[i] and pixels[i, j] == 0 else out[i, j] / max(pixels[i, j], 1)
     return out
 
 

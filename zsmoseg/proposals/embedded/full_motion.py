@@ -24,8 +24,8 @@ class FullMotion:
 
 def full(graph: Graph, x: Floats, among: Bools, motion: FullMotion) -> Floats:
     """(F) full motion of each frame, px, where ``x`` (superpixels) is motion, px: of those ``among`` which one looks."""
-    high = np.array([_top(x[graph.of(t)][among[graph.of(t)]], motion) for t in range(graph.frames)])
-    high[~graph.known] = np.nan
+    looked = among & graph.has_flow
+    high = np.array([_top(x[graph.of(t)][looked[graph.of(t)]], motion) for t in range(graph.frames)])
     radius = motion.top_window
     around = (high[max(0, t - radius) : t + radius + 1] for t in range(graph.frames))
     middle = np.array([np.median(part[~np.isnan(part)]) if (part > 0).any() else 0 for part in around])

@@ -65,8 +65,13 @@ class Graph:
     """(superpixels, 4) as in ``SuperpixelFeatures``; where there is none, ``backward`` turned around."""
     backward: Floats
     """(superpixels, 4) the same, towards the frame before."""
-    known: Bools
-    """(F) whether a frame has any flow at all: not so between two repeats."""
+    has_flow: Bools
+    """(superpixels) whether any flow of its own is known; where not, it has that of its neighbours, or 0, and no say."""
+
+    @cached_property
+    def known(self) -> Bools:
+        """(F) whether a frame has any flow at all: not so between two repeats."""
+        return np.bincount(self.frame, self.has_flow, self.frames) > 0
 
     @property
     def frames(self) -> int:
@@ -109,16 +114,23 @@ def connect_frames(features: SuperpixelFeatures, start: int, shape: tuple[int, i
     """
     frames, offset = len(features.superpixels), features.superpixel_offset
     column = list(features.feature.astype(np.float64).T)
-    forward, backward = _flow(features)
+    edge = features.edge.astype(np.int64) + offset[np.repeat(np.arange(frames), features.edges), None]
+    boundary = features.boundary.astype(np.float64)
+    raw = _flow(features)
+    forward, backward = (filled(flow, edge, boundary) for flow in raw)
     pair = np.repeat(np.arange(frames - 1), features.links)
     link = features.link.astype(np.int64) + np.stack([offset[pair], offset[pair + 1]], 1)
     error = np.stack([forward[link[:, 0], ERROR], backward[link[:, 1], ERROR]], 1)
     moved = features.state != REPEAT
-    has_next, has_last = np.r_[moved, False], np.r_[False, moved]
     frame = np.repeat(np.arange(frames), features.superpixels)
-    after, before = has_next[frame, None], has_last[frame, None]
+    after, before = (
+        (has[frame] & ~np.isnan(flow[:, U]))[:, None]
+        for has, flow in zip((np.r_[moved, False], np.r_[False, moved]), raw, strict=True)
+    )
     turned = np.ones(FLOW_FEATURES)
     turned[[U, V]] = -1
+    ahead = np.where(after, forward, np.where(before, turned * backward, np.nan))
+    behind = np.where(before, backward, np.where(after, turned * forward, np.nan))
     return Graph(
         start=start,
         shape=shape,
@@ -130,14 +142,37 @@ def connect_frames(features: SuperpixelFeatures, start: int, shape: tuple[int, i
         rim=column[RIM] > 0,
         detail=column[DETAIL],
         structure=np.stack([column[XX], column[XY], column[YY]], 1),
-        edge=features.edge.astype(np.int64) + offset[np.repeat(np.arange(frames), features.edges), None],
-        boundary=features.boundary.astype(np.float64),
+        edge=edge,
+        boundary=boundary,
         link=link,
         carried=(features.carried * reliability(error)).sum(1),
-        forward=np.where(after, forward, np.where(before, turned * backward, 0)),
-        backward=np.where(before, backward, np.where(after, turned * forward, 0)),
-        known=has_next | has_last,
+        forward=filled(ahead, edge, boundary),
+        backward=filled(behind, edge, boundary),
+        has_flow=(after | before)[:, 0],
     )
+
+
+def filled(flow: Floats, edge: Ints, boundary: Floats) -> Floats:
+    """(superpixels, n) ``flow``, where it is NaN with the mean of its neighbours, step by step; 0 where a frame has none.
+
+    So nothing seems to move apart from what is unknown.
+
+    Parameters
+    ----------
+    edge, boundary
+        (edges, 2) neighbours, and (edges) the length of their boundary, px: their weight.
+    """
+    if not np.isnan(flow).any():
+        return flow
+    flow = flow.copy()
+    (i, j), weight = np.r_[edge, edge[:, ::-1]].T, np.r_[boundary, boundary]
+    for column in flow.T:
+        while (step := ~np.isnan(column[i]) & np.isnan(column[j])).any():
+            sums, total = (
+                np.bincount(j[step], x, len(flow)) for x in (weight[step] * column[i[step]], weight[step])
+            )
+            column[total > 0] = sums[total > 0] / total[total > 0]
+    return np.nan_to_num(flow)
 
 
 def _flow(features: SuperpixelFeatures) -> tuple[Floats, Floats]:

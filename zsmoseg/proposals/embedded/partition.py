@@ -96,7 +96,7 @@ def far_graph(graph: Graph, foreground: Bools, parameters: Partition) -> SignedG
     Neutral is ``far_ratio`` times the median step of such pairs. Each crosses ``far_steps`` boundaries; where all are cut, they
     weigh as much as these, and repel by no more than that.
     """
-    known = foreground & graph.known[graph.frame]
+    known = foreground & graph.has_flow
     edge = known[graph.edge].all(1)
     # some frames at a time: the pairs of a whole window that do not repel take several times its memory
     blocks = np.split(
@@ -117,7 +117,7 @@ def apart_graph(graph: Graph, foreground: Bools, parameters: Partition) -> Signe
     contact might be, the side of the smaller piece, and repels by no more. Each piece is stood for by the superpixel whose flow is
     most like its median; of a frame in shreds the ``PIECES`` largest count.
     """
-    known = foreground & graph.known[graph.frame]
+    known = foreground & graph.has_flow
     node = np.flatnonzero(known)
     if not len(node):
         return SignedGraph(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0))

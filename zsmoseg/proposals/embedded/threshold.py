@@ -75,7 +75,7 @@ def thresholds(graph: Graph, x: Floats, contrast: Floats, among: Bools, paramete
     bins = parameters.threshold_bins
     top = max(np.quantile(x[among], TOP), TOP_LEAST) if among.any() else TOP_LEAST
     level = np.clip((x / top * bins).astype(np.int64), 0, bins - 1)
-    on = (graph.known[graph.frame] & among).astype(np.float64)
+    on = (graph.has_flow & among).astype(np.float64)
     pixels = _histogram(graph, np.arange(len(x)), level, graph.size * on, bins)
     between, enough = _otsu(sum_around(pixels, parameters.window))
     cut = _mean_contrast(graph, level, contrast, on, parameters)

@@ -46,7 +46,7 @@ def trust(graph: Graph, parameters: Trust) -> Floats:
     xx, _, yy = graph.structure.T
     texture = (xx + yy) / 2
     found = np.maximum(texture / (texture + parameters.trust_texture**2), parameters.trust_least)
-    return np.where(graph.known[graph.frame], found, parameters.trust_unknown)
+    return np.where(graph.has_flow, found, parameters.trust_unknown)
 
 
 def visibility(graph: Graph, own: Motion, full: Floats, parameters: Visibility) -> Floats:
