@@ -46,6 +46,8 @@ class Entry:
         How its artifacts were when it was done (``stores/seen.py``).
     dropped
         Stages, by blanks, whose artifacts it does without since: nobody misses them until something reads them.
+    imported
+        Kinds of cues, by blanks, that ``imports.json`` names.
     """
 
     run: str
@@ -60,6 +62,7 @@ class Entry:
     trace: str = ""
     seen: Mapping[str, str] = field(default_factory=dict)
     dropped: str = ""
+    imported: str = ""
 
     @property
     def gone(self) -> set[tuple[str, str]]:

@@ -123,6 +123,11 @@ def is_folder(path: PurePath) -> bool:
     return on(path).is_folder(path)
 
 
+def closed(path: PurePath) -> str | None:
+    """Why a file that is there cannot be read, in the system's words; None where it can be, or there is none."""
+    return on(path).closed(path)
+
+
 def is_link(path: PurePath) -> bool:
     """Whether there is a symbolic link."""
     return on(path).is_link(path)

@@ -20,6 +20,8 @@ TRIES = 5
 """Times that another process may take a name away, or give it, while a file is made."""
 TMP = re.compile(r"\.(.+\.)?[0-9a-f]{32}\.tmp")
 """Names of unfinished files."""
+NO_FILE = (errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EINVAL, errno.ENXIO, errno.ELOOP)
+"""Where there is no file, or something else in its place."""
 NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)
 """What file systems without hard links say."""
 
@@ -32,16 +34,45 @@ def is_link(path: PurePath) -> bool:
     return os.path.islink(path)
 
 
+@contextmanager
+def _opened(path: PurePath) -> Iterator[BinaryIO]:
+    """A regular file, open for reading; what waits for others (a pipe, a device) is refused, by the file that was opened.
+
+    Raises
+    ------
+    OSError
+        It cannot be opened, or is no regular file.
+    """
+    with open(path, "rb", opener=_without_waiting) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "is no regular file", os.fspath(path))
+        yield file
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
 def read(path: PurePath) -> bytes | None:
     try:
-        return Path(path).read_bytes()
+        with _opened(path) as file:
+            return file.read()
     except OSError:
         return None
 
 
+def closed(path: PurePath) -> str | None:
+    try:
+        with _opened(path) as file:
+            file.read(1)
+    except OSError as error:
+        return None if error.errno in NO_FILE else error.strerror
+    return None
+
+
 def read_range(path: PurePath, offset: int, length: int) -> bytes | None:
     try:
-        with open(path, "rb") as file:
+        with _opened(path) as file:
             file.seek(offset)
             return file.read(length)
     except OSError:

@@ -84,7 +84,7 @@ def _about(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
         "size": [plan.probe.width, plan.probe.height],
         "notes": list(plan.notes),
         "settings": settings.flat(),
-        "keys": {name: stage.key for name, stage in plan.stages.items()},
+        "keys": plan.keys,
     }
 
 
