@@ -70,7 +70,7 @@ def lease(
 
 def sweep(folder: PurePath) -> None:
     """Take away what killed runs left below a folder."""
-    for name in [name for name in files.listing(folder) if name.endswith(".lease")]:
+    for name in [name for name in files.listing(folder) if files.is_ours(name, leases=True)]:
         path = folder / name
         seen = files.signature(path)
         if seen is not None and _dead(path, seen):

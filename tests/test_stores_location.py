@@ -325,7 +325,7 @@ def test_leftovers_go_only_when_they_are_old(store: Store) -> None:
     artifact = make_artifact(store, "k1")
     remember(store, "k1")
     old = [
-        leave(store.runs / ".a.json.12.tmp", 4000),
+        leave(unfinished(store.runs / "a.json"), 4000),
         leave(unfinished(record_path(artifact, 1)), 4000),
         leave(unfinished(artifact.archive), 4000),
         leave(artifact.lease_path("seal"), 4000),
@@ -348,7 +348,7 @@ def test_leftovers_go_only_when_they_are_old(store: Store) -> None:
 def test_leftovers_in_an_artifact_that_goes_are_counted_once(store: Store) -> None:
     artifact = make_artifact(store, "k1")
     remember(store, "k2")
-    leave(artifact.path / ".zarr.json.78.tmp", 4000)
+    leave(unfinished(artifact.path / "zarr.json"), 4000)
     assert garbage(store).paths == [artifact.path]
 
 

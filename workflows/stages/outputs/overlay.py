@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.errors import OutputError
 from zsmoseg.painting.numbers import paint_table
 from zsmoseg.painting.overlay import overlay
 from zsmoseg.stores import files
+from zsmoseg.stores.output import place
 from zsmoseg.video.decoding import media
 from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach
@@ -56,7 +56,7 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     """Decode the source, colour what moves, encode H.264 that browsers play."""
     part.facts["files"] = {}
     if s.overlay.write:
-        path = files.below(part.out, NAME, OutputError)
+        path = place(part.out, NAME)
         with files.appearing(path) as partial:
             _encode(partial, part, _painted(part, inputs, s))
         part.facts["files"] = {NAME: files.noted(path)}
