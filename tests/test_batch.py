@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -120,6 +121,41 @@ def test_the_last_run_of_each_video_says_whether_it_failed(store: Store) -> None
     assert chosen(store, retry_failed=True) == "ant cat dog"
 
 
+def note(store: Store, source: str, out: str, outcome: str) -> None:
+    """A run with one video; of ``lost`` only the run itself tells."""
+    name = Path(source).name
+    record = RunRecord.begin(store, {}, [name], [source], out)
+    if outcome != "lost":
+        video = f"{name}-{zlib.crc32(source.encode()):016x}"
+        record.note(Entry(record.id, name, video, source, f"{out}/{name}", outcome=outcome))
+    record.end("failed", {name: "torn"} if outcome == "lost" else {}, {})
+
+
+@pytest.mark.parametrize(
+    ("then", "again"),
+    [
+        ([("/data/ant", "/o", "failed"), ("/other/ant", "/p", "done")], True),
+        ([("/data/ant", "/o", "lost"), ("/other/ant", "/p", "done")], True),
+        ([("/data/ant", "/o", "done"), ("/other/ant", "/p", "failed")], False),
+        ([("/data/ant", "/o", "done"), ("/other/ant", "/p", "lost")], False),
+        ([("/data/ant", "/o", "failed"), ("/data/ant", "/p", "done")], True),
+        ([("/data/ant", "/o", "done"), ("/data/ant", "/p", "failed")], False),
+        ([("/data/ant", "/p", "failed")], True),
+        ([("/data/ant", "/p", "done")], False),
+        ([("/before/ant", "/o", "failed")], True),
+        ([("/before/ant", "/o", "failed"), ("/data/ant", "/o", "done")], False),
+        ([("/other/ant", "/p", "failed")], False),
+    ],
+)
+def test_what_failed_is_known_by_its_source_and_its_output_folder(
+    then: list[tuple[str, str, str]], again: bool, store: Store
+) -> None:
+    for source, out, outcome in then:
+        note(store, source, out, outcome)
+    left = choose(VIDEOS, Choice(retry_failed=True), store, Path("/o"))
+    assert left == ([("/data/ant", "ant")] if again else [])
+
+
 def test_shares_do_not_move_while_others_mend_what_failed(store: Store) -> None:
     remember(store, "failed", dict.fromkeys(NAMES, "torn"), *NAMES)
     before = [chosen(store, share=(i, 2), retry_failed=True) for i in (1, 2)]
@@ -188,6 +224,19 @@ def test_the_command_to_go_on_can_be_pasted() -> None:
     ):
         assert again(words) == "zsmoseg run a --until x --retry-failed"
         assert again(words, laid_out=False) == shlex.join(["zsmoseg", *words, "--retry-failed"])
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("run -o o -- a b", "run -o o --retry-failed -- a b"),
+        ("run -- --from x", "run --retry-failed -- --from x"),
+        ("run --from flow -- -a", "run --retry-failed -- -a"),
+        ("run --retry-failed -- --from=x", "run --retry-failed -- --from=x"),
+    ],
+)
+def test_the_command_to_go_on_leaves_what_stands_behind_two_dashes(words: str, told: str) -> None:
+    assert again(words.split()) == f"zsmoseg {told}"
 
 
 def test_videos_that_failed_for_one_reason_share_a_row() -> None:

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
-from zsmoseg.errors import SpaceError
+from zsmoseg.errors import AccessError, SpaceError
 from zsmoseg.remote.looks import Stat
 
 TRIES = 5
@@ -299,13 +299,19 @@ def free(path: PurePath) -> int:
 
 @contextmanager
 def errors_in_words(path: PurePath) -> Iterator[None]:
-    """A full disk: names ``path`` and the space that is left."""
+    """A full disk: names ``path`` and the space that is left; what names no file: ``path``, too."""
     try:
         yield
     except OSError as error:
+        if error.errno == errno.EFBIG:
+            raise AccessError(
+                f"{path}: a file would be larger than this process or its disk may have (ulimit -f); raise that and run the same command again"
+            ) from error
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            if error.filename is None and error.errno is not None:
+                error.filename = os.fspath(path)
             raise
         raise SpaceError(
-            f"{path}: no space left on the disk ({free(path) / 1e6:.1f} MB free); free some, or give a store on another "
-            "disk (--store), and run the same command again"
+            f"{path}: no space left on the disk ({free(path) / 1e6:.1f} MB free); free some, or give a place on "
+            "another disk (--store for the store, -o for the output folder), and run the same command again"
         ) from error

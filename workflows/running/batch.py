@@ -48,6 +48,7 @@ class Batch:
         self.record: RunRecord | None = None
         self.rates = Rates.load()
         self._alone, self._size = alone, len(meant)
+        self._sources = [source for source, _ in meant]
         self._coming = deque(meant)
         self._held: dict[str, Callable[[], bool]] = {}  # by name: whether what it waits for goes on
         self._leases: dict[str, ExitStack] = {}
@@ -187,7 +188,8 @@ class Batch:
     def _begin_run(self) -> None:
         """Note the run once a video of it can be planned, and what became of those before."""
         if self.record is None:
-            self.record = RunRecord.begin(self.store, self.request.settings.flat(), self.report.names)
+            settings, out = self.request.settings.flat(), files.absolute(self.request.out)
+            self.record = RunRecord.begin(self.store, settings, self.report.names, self._sources, out)
             self.store.mark()
             self.report.run = self.record.id
         self._tell()

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
+from pathlib import PurePath
 
 from zsmoseg.errors import SettingsError
+from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
-from zsmoseg.stores.runs import DONE, latest
+from zsmoseg.stores.runs import DONE, Entry, latest
 from zsmoseg.workflows.running.request import Choice
 
 Named = tuple[str, str]
@@ -16,8 +18,8 @@ SHOWN = 6
 """Names that a message lists."""
 
 
-def choose(videos: Sequence[Named], choice: Choice, store: Store) -> list[Named]:
-    """The videos that ``choice`` leaves, in the order given.
+def choose(videos: Sequence[Named], choice: Choice, store: Store, out: PurePath | None = None) -> list[Named]:
+    """The videos that ``choice`` leaves, in the order given; ``out``: where their output folders are.
 
     Shares are taken before anything that changes while other shares run, so each video is in exactly one.
 
@@ -31,7 +33,7 @@ def choose(videos: Sequence[Named], choice: Choice, store: Store) -> list[Named]
         mine = share([name for _, name in chosen], *choice.share)
         chosen = [video for video in chosen if video[1] in mine]
     if choice.retry_failed:
-        again = unfinished(store)
+        again = unfinished(store, chosen, out)
         chosen = [video for video in chosen if video[1] in again]
     return chosen[: choice.limit]
 
@@ -52,9 +54,23 @@ def share(names: Sequence[str], i: int, n: int) -> set[str]:
     return set(sorted(names)[i - 1 :: n])
 
 
-def unfinished(store: Store) -> set[str]:
-    """Videos that failed when they ran last, or that their last run did not finish."""
-    return {name for name, entry in latest(store).items() if entry.outcome != DONE}
+def unfinished(store: Store, videos: Sequence[Named], out: PurePath | None = None) -> set[str]:
+    """Those of the ``videos`` that failed when they ran last, or that their last run did not finish.
+
+    Other videos may have the same names: what counts is a run with the same source and output folder, else with the same
+    source, else (the source was moved) with the same output folder.
+    """
+    sources = {name: source for source, name in videos}
+
+    def is_source(entry: Entry) -> bool:
+        return entry.name in sources and entry.source in ("", sources[entry.name])
+
+    def is_out(entry: Entry) -> bool:
+        return out is None or entry.out in ("", files.absolute(out / entry.name))
+
+    both = latest(store, lambda entry: is_source(entry) and is_out(entry))
+    found = {**latest(store, is_out), **latest(store, is_source), **both}
+    return {name for name, entry in found.items() if entry.outcome != DONE}
 
 
 def nothing_left(found: int, choice: Choice) -> str:

@@ -78,7 +78,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
 
 
 def _run(request: Request, store: Store, found: Sequence[Named], report: Report, watcher: Watcher) -> Report:
-    meant = choose(found, request.choice, store)
+    meant = choose(found, request.choice, store, request.out)
     report.names = [name for _, name in meant]
     if not meant:
         watcher.note(nothing_left(len(found), request.choice))
@@ -172,7 +172,7 @@ def each_plan(
     ZsmosegError
         Of a single video, why it cannot be planned.
     """
-    meant = choose(found, request.choice, store)
+    meant = choose(found, request.choice, store, request.out)
     for source, name in meant:
         try:
             yield name, make_plan(request, store, source, name, len(found) == 1)
@@ -195,7 +195,7 @@ def dry_run(request: Request) -> Iterator[str]:
         if files.exists(store.path):
             store = Store.open(request.store, create=False)
         found = found_in(request)
-        if not choose(found, request.choice, store):
+        if not choose(found, request.choice, store, request.out):
             yield nothing_left(len(found), request.choice)
             return
         rates, plans = Rates.load(), list[VideoPlan]()
