@@ -25,6 +25,7 @@ from zsmoseg.workflows.imports.contents import check
 from zsmoseg.workflows.planning.differences import differences
 from zsmoseg.workflows.stage import ALL, Stage, description, ignored_words, working_size
 from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
+from zsmoseg.workflows.stages.outputs.overlay import scaled_words
 from zsmoseg.workflows.wording import counted
 
 
@@ -185,6 +186,7 @@ def plan_video(
     for stage in needed:
         plan.stages[stage.name] = _plan_stage(plan, store, stage, settings)
     if any(stage.output for stage in needed):
+        plan.notes = [*plan.notes, *(scaled_words(probe) if settings.overlay.write else [])]
         plan.output.refuse_foreign([*plan.files, SUMMARY, STATES], store)
     again = following(stages, start_from) if start_from else set()
     for planned in plan.stages.values():
