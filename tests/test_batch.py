@@ -17,10 +17,10 @@ from typing import Any
 
 import pytest
 from closed import skip_where_all_is_open, without_privileges
-from conftest import draw_clip, write_folder
+from conftest import draw_clip, write_folder, write_mp4
 from runs import segment
 
-from zsmoseg.errors import AccessError, SettingsError, SpaceError, system_errors_in_words
+from zsmoseg.errors import AccessError, SettingsError, SpaceError, VideoError, system_errors_in_words
 from zsmoseg.settings import resolve
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
@@ -32,7 +32,7 @@ from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.choosing import choose
 from zsmoseg.workflows.running.progress import Bars, Lines, failure_lines
 from zsmoseg.workflows.running.request import Choice, Quiet, Report, Request
-from zsmoseg.workflows.running.run import run
+from zsmoseg.workflows.running.run import found_in, run
 
 ROOT = Path(__file__).parents[1]
 NAMES = ("ant", "bee", "cat", "dog")
@@ -161,6 +161,51 @@ def test_shares_do_not_move_while_others_mend_what_failed(store: Store) -> None:
     before = [chosen(store, share=(i, 2), retry_failed=True) for i in (1, 2)]
     remember(store, "done", {}, *before[0].split())
     assert chosen(store, share=(2, 2), retry_failed=True) == before[1] != ""
+
+
+def outputs(root: Path) -> None:
+    """What two runs left, and a video beside it."""
+    for name in ("out/ant", "out/bee"):
+        for folder in ("masks", "objects"):
+            write_folder(root / name / folder, draw_clip(0, 3, 96, 128)[0])
+        write_mp4(root / name / "overlay.mp4", draw_clip(0, 3, 96, 128)[0])
+        (root / name / ".zsmoseg.json").write_text("{}")
+    write_mp4(root / "cat.mp4", draw_clip(1, 3, 96, 128)[0])
+    write_folder(root / "data" / "dog", draw_clip(2, 3, 96, 128)[0])
+
+
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [
+        (["cat.mp4", "data/dog", "out"], ["cat.mp4", "data/dog"]),
+        (["data/*", "out/*", "out/*/masks/*.png"], ["data/dog"]),
+        (["out/*/objects", "cat.mp4"], ["cat.mp4"]),
+        (["out/ant/", "data"], ["data/dog"]),
+    ],
+)
+def test_what_runs_have_left_is_passed_over_with_a_line(
+    given: list[str], found: list[str], tmp_path: Path
+) -> None:
+    outputs(tmp_path)
+    request, notes = Request([str(tmp_path / name) for name in given]), list[str]()
+    assert [source for source, _ in found_in(request, notes.append)] == [
+        str(tmp_path / name) for name in found
+    ]
+    (line,) = notes
+    one_line(line, str(tmp_path / "out"), "output of zsmoseg", "passed over")
+
+
+@pytest.mark.parametrize("given", ["out", "out/ant", "out/*/masks", "out/ant/*.mp4"])
+def test_what_holds_nothing_but_output_is_refused(given: str, tmp_path: Path) -> None:
+    outputs(tmp_path)
+    with pytest.raises(VideoError, match="output of zsmoseg; give the videos that it was made from"):
+        found_in(Request([str(tmp_path / given)]))
+
+
+@pytest.mark.parametrize("given", ["out/ant/overlay.mp4", "out/bee/masks", "out/bee/objects/"])
+def test_what_is_named_itself_is_meant(given: str, tmp_path: Path) -> None:
+    outputs(tmp_path)
+    assert len(found_in(Request([str(tmp_path / given), str(tmp_path / "cat.mp4")]))) == 2
 
 
 def test_a_share_without_videos_is_no_failure(

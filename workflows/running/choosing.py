@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import PurePath
 
-from zsmoseg.errors import SettingsError
+from zsmoseg.errors import SettingsError, VideoError
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
+from zsmoseg.stores.output import LIST
 from zsmoseg.stores.runs import DONE, Entry, latest
+from zsmoseg.video import places
 from zsmoseg.workflows.running.request import Choice
 
 Named = tuple[str, str]
@@ -36,6 +38,42 @@ def choose(videos: Sequence[Named], choice: Choice, store: Store, out: PurePath 
         again = unfinished(store, chosen, out)
         chosen = [video for video in chosen if video[1] in again]
     return chosen[: choice.limit]
+
+
+def without_outputs(videos: Sequence[str], given: Sequence[str]) -> tuple[list[str], str]:
+    """The videos without what runs have left: an output folder is known by its list; and a line about what is passed over.
+
+    Parameters
+    ----------
+    given
+        What the user wrote: a file or folder that is named itself is meant.
+
+    Raises
+    ------
+    VideoError
+        Nothing else is there.
+    """
+    known, named = dict[PurePath, bool](), {places.settled(source).rstrip("/") for source in given}
+
+    def is_output(folder: PurePath) -> bool:
+        if folder not in known:
+            known[folder] = files.signature(folder / LIST) is not None
+        return known[folder]
+
+    wrote: dict[str, PurePath] = {}
+    for video in videos:
+        above = [] if video in named else list(files.folder(video).parents)[:2]
+        if folder := next(filter(is_output, above), None):
+            wrote[video] = folder
+    if not wrote:
+        return list(videos), ""
+    folders = list(dict.fromkeys(wrote.values()))
+    more = f" and {len(folders) - 1} more" if len(folders) > 1 else ""
+    line = f"{folders[0]}{more}: output of zsmoseg"
+    left = [video for video in videos if video not in wrote]
+    if not left:
+        raise VideoError(f"{line}; give the videos that it was made from")
+    return left, f"{line}, passed over; name a file in it to have that segmented"
 
 
 def _named(videos: Sequence[Named], patterns: Sequence[str]) -> list[Named]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from zsmoseg.errors import ZsmosegError, system_errors_in_words
@@ -25,7 +25,7 @@ from zsmoseg.workflows.planning.estimate import (
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan
 from zsmoseg.workflows.planning.rates import Rates
 from zsmoseg.workflows.running.batch import Batch
-from zsmoseg.workflows.running.choosing import Named, choose, nothing_left
+from zsmoseg.workflows.running.choosing import Named, choose, nothing_left, without_outputs
 from zsmoseg.workflows.running.driving import Drive
 from zsmoseg.workflows.running.executors import make_executor
 from zsmoseg.workflows.running.first_look import make_plan
@@ -40,15 +40,17 @@ LOOK = (6, 64)
 most, to see whether all are small."""
 
 
-def found_in(request: Request) -> list[Named]:
-    """The videos that the sources hold, and their names.
+def found_in(request: Request, note: Callable[[str], None] = lambda line: None) -> list[Named]:
+    """The videos that the sources hold, and their names; ``note`` is told what is passed over.
 
     Raises
     ------
     VideoError
         A source means nothing; two have one name.
     """
-    found = sources(request.sources)
+    found, passed = without_outputs(sources(request.sources), request.sources)
+    if passed:
+        note(passed)
     return list(zip(found, unique_names(found), strict=True))
 
 
@@ -66,7 +68,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     with system_errors_in_words():
         place, _ = files.folder(request.store), files.folder(request.out)
         with one_look():
-            found = found_in(request)
+            found = found_in(request, watcher.note)
         report = Report()
         store = Store.open(place, create=True)
         try:
@@ -194,7 +196,9 @@ def dry_run(request: Request) -> Iterator[str]:
         store = Store(files.folder(request.store))
         if files.exists(store.path):
             store = Store.open(request.store, create=False)
-        found = found_in(request)
+        passed = list[str]()
+        found = found_in(request, passed.append)
+        yield from passed
         if not choose(found, request.choice, store, request.out):
             yield nothing_left(len(found), request.choice)
             return
