@@ -32,13 +32,13 @@ from zsmoseg.formats.flow_files import encode_kitti
 from zsmoseg.networks.contract import load_contract
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
+from zsmoseg.stores.imports import brought_before
 from zsmoseg.stores.location import Store
 from zsmoseg.video.frames import read
 from zsmoseg.video.ignore import read_ignore
 from zsmoseg.video.probe import Excerpt, probe
 from zsmoseg.workflows.cli import main as zsmoseg
 from zsmoseg.workflows.evaluate.array_frames import open_volume
-from zsmoseg.workflows.imports.record import brought_before
 from zsmoseg.workflows.result import open_store
 
 SIZE, FRAMES = (48, 64), 4

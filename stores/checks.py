@@ -17,11 +17,14 @@ Expected = Mapping[str, Mapping[str, int]]
 
 @dataclass(frozen=True)
 class Damage:
-    """A file that is not as its record says; ``part`` where it belongs to one part of an artifact."""
+    """A file that is not as its record says; ``part`` where it belongs to one part of an artifact; ``closed``: it may be as
+    it was, the system does not let us read it.
+    """
 
     path: PurePath
     part: int | None
     what: str
+    closed: bool = False
 
 
 def part_problem(artifact: Artifact, part: int) -> str | None:

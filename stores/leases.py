@@ -25,6 +25,7 @@ import psutil
 
 from zsmoseg.stores import files
 from zsmoseg.stores.files import Stat
+from zsmoseg.stores.records import read_json
 
 BEAT = 5.0
 """Seconds from one renewal to the next."""
@@ -70,7 +71,7 @@ def lease(
 
 def sweep(folder: PurePath) -> None:
     """Take away what killed runs left below a folder."""
-    for name in [name for name in files.listing(folder) if name.endswith(".lease")]:
+    for name in [name for name in files.listing(folder) if files.is_ours(name, leases=True)]:
         path = folder / name
         seen = files.signature(path)
         if seen is not None and _dead(path, seen):
@@ -184,11 +185,7 @@ def _process(pid: int) -> dict[str, Any]:
 
 def _read(path: PurePath) -> dict[str, Any]:
     """What stands in a lease; nothing where it is gone, or half written by a machine without hard links."""
-    try:
-        found = json.loads(files.read(path) or b"")
-    except ValueError:
-        return {}
-    return found if isinstance(found, dict) else {}
+    return read_json(path) or {}
 
 
 def _dead(path: PurePath, seen: Stat, steal: bool = False) -> bool:

@@ -30,6 +30,23 @@ ENTRY = {"size": int, "crc32": int, "stamp": str, "key": str}
 """What the list has of each file."""
 
 
+def place(folder: PurePath, name: str) -> PurePath:
+    """Where a file of an output folder is.
+
+    Raises
+    ------
+    OutputError
+        The folder is a link, if only since the run was planned, or a part of the name is.
+    """
+    _refuse_link(folder)
+    return files.below(folder, name, OutputError)
+
+
+def _refuse_link(folder: PurePath) -> None:
+    if files.is_link(folder):
+        raise OutputError(f"{folder}: is a link; give the folder itself as output folder (-o)")
+
+
 class Output:
     """The folder ``path``, written for the video ``video`` (its id in the store)."""
 
@@ -47,7 +64,7 @@ class Output:
     @property
     def lease(self) -> PurePath:
         """The lease of who works on it."""
-        return files.below(self.path, LEASE, OutputError)
+        return place(self.path, LEASE)
 
     @property
     def stamp(self) -> str | None:
@@ -69,9 +86,8 @@ class Output:
         store
             Where a folder that lost its list may be known from: it is ours if it holds nothing but ``ours``.
         """
-        for path in (self.path, self.path.parent):
-            if files.is_link(path):
-                raise OutputError(f"{path}: is a link; give the folder itself as output folder (-o)")
+        _refuse_link(self.path)
+        _refuse_link(self.path.parent)
         if file := files.in_the_way(self.path):
             raise OutputError(f"{file}: is a file; give another output folder (-o)")
         if self.foreign and self._described():
@@ -127,7 +143,7 @@ class Output:
                 return f"{name} not written yet"
             if entry["key"] != key:
                 return f"{name} is of other settings"
-            path = files.below(self.path, name, OutputError)
+            path = place(self.path, name)
             if _differs(path, entry):
                 return f"{name} is gone" if files.size(path) is None else f"{name} was changed"
         return None
@@ -145,6 +161,17 @@ class Output:
             elif _differs(path, entry, deep=True):
                 yield name, "has other content than was written"
 
+    def refuse_gaps(self, names: Iterable[str]) -> None:
+        """Raise ``OutputError`` if one of the files ``names`` is not there as it was noted; by one listing, and sizes."""
+        there = files.listing(self.path)
+        for name in names:
+            noted = self.files.get(name)
+            if noted is None or name not in there or there[name].size != noted["size"]:
+                what = "was changed" if name in there else "is gone"
+                raise OutputError(
+                    f"{self.path / name}: {what} since this run wrote it; run the same command again"
+                )
+
     def claim(self, stages: Mapping[str, Mapping[str, Any]]) -> None:
         """Make the folder, put our name on it and what the ``stages`` are about to leave, before the first file."""
         files.make_folder(self.path)
@@ -161,14 +188,14 @@ class Output:
         old, found = self.files.get(name), {"size": len(content), "crc32": files.crc32(content), "key": key}
         if old and found.items() <= old.items() and not _differs(self.path / name, old):
             return
-        self.add({name: files.write_noted(files.below(self.path, name, OutputError), content)}, key)
+        self.add({name: files.write_noted(place(self.path, name), content)}, key)
 
     def finish(self, contents: Mapping[str, bytes], key: str, keep: Iterable[str]) -> None:
         """Write the last files, and remove those of ours that are neither these nor among ``keep``."""
         if not self.listed:
             self.claim({})
         for name, content in contents.items():
-            noted = files.write_noted(files.below(self.path, name, OutputError), content)
+            noted = files.write_noted(place(self.path, name), content)
             self.files[name] = {**noted, "key": key}
         self.remove_others([*keep, *contents])
 
@@ -177,6 +204,7 @@ class Output:
 
         What killed runs left unfinished goes too, when it is old enough to be nobody's.
         """
+        _refuse_link(self.path)
         for leftover in files.leftovers(self.path):
             files.remove(leftover)
         kept = set(keep)
@@ -205,7 +233,7 @@ class Output:
         if content == self._listed:
             return
         self._listed = content
-        write_record(files.below(self.path, LIST, OutputError), content)
+        write_record(place(self.path, LIST), content)
 
 
 def _differs(path: PurePath, entry: dict[str, Any], deep: bool = False) -> bool:

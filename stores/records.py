@@ -33,10 +33,10 @@ FINGERPRINT = 16
 
 
 def read_json(path: PurePath) -> dict[str, Any] | None:
-    """The object in ``path``; None where it is missing, empty, cut off or no object."""
+    """The object in ``path``; None where it is missing, empty, cut off, nested too deep or no object."""
     try:
         value = json.loads(files.read(path) or b"")
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     return value if isinstance(value, dict) else None
 

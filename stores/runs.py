@@ -11,7 +11,7 @@ from __future__ import annotations
 import platform
 import uuid
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -46,6 +46,8 @@ class Entry:
         How its artifacts were when it was done (``stores/seen.py``).
     dropped
         Stages, by blanks, whose artifacts it does without since: nobody misses them until something reads them.
+    imported
+        Kinds of cues, by blanks, that ``imports.json`` names.
     """
 
     run: str
@@ -60,6 +62,7 @@ class Entry:
     trace: str = ""
     seen: Mapping[str, str] = field(default_factory=dict)
     dropped: str = ""
+    imported: str = ""
 
     @property
     def gone(self) -> set[tuple[str, str]]:
@@ -75,14 +78,25 @@ class RunRecord:
     content: dict[str, Any]
 
     @classmethod
-    def begin(cls, store: Store, settings: Mapping[str, Any], names: Sequence[str]) -> RunRecord:
-        """Note what is about to run: all settings by dotted name, the names of all videos."""
+    def begin(
+        cls,
+        store: Store,
+        settings: Mapping[str, Any],
+        names: Sequence[str],
+        sources: Sequence[str] = (),
+        out: str = "",
+    ) -> RunRecord:
+        """Note what is about to run: all settings by dotted name, the names and ``sources`` of all videos, where the
+        output folders are.
+        """
         now = datetime.now(UTC)
         content = {
             "id": f"{now:%Y%m%dT%H%M%S.%fZ}-{uuid.uuid4().hex[:6]}",
             "begun": now.isoformat(timespec="seconds"),
             "settings": dict(settings),
             "names": list(names),
+            "sources": list(sources),
+            "out": out,
             "versions": versions(),
             "outcome": RUNNING,
         }
@@ -147,7 +161,10 @@ def read_run(store: Store, run: str) -> dict[str, Any] | None:
     names, failures = record.get("names"), record.setdefault("failures", {})
     if record.get("id") != run or not isinstance(names, list) or not isinstance(failures, dict):
         return None
-    told = [record.get("outcome"), *names, *failures.values()]
+    sources, out = record.setdefault("sources", []), record.setdefault("out", "")
+    if not isinstance(sources, list):
+        return None
+    told = [record.get("outcome"), out, *names, *sources, *failures.values()]
     return record if all(isinstance(text, str) for text in told) else None
 
 
@@ -230,30 +247,35 @@ def entries(store: Store, name: str | None = None) -> list[Entry]:
     return sorted((entry for entry in found if name in (None, entry.name)), key=lambda entry: entry.run)
 
 
-def latest(store: Store) -> dict[str, Entry]:
-    """What the latest run that meant a video did with it, by name.
+def latest(store: Store, wanted: Callable[[Entry], bool] = lambda entry: True) -> dict[str, Entry]:
+    """What the latest run that meant a video did with it, by name, as far as that is ``wanted``.
 
     A video that failed before it had a folder, or that an interrupted run did not come to, has no ``video`` and no keys.
     """
     found: dict[str, Entry] = {}
     for run in list_runs(store):
+        sources = dict(zip(run["names"], run["sources"], strict=False))
         begun = run["outcome"] if run["outcome"] in (RUNNING, INTERRUPTED) else INTERRUPTED
         for name in [*run["names"], *run["failures"]]:
             failure = run["failures"].get(name, "")
-            found[name] = Entry(run["id"], name, outcome=FAILED if failure else begun, failure=failure)
-    for entry in _last_entries(store):
+            out = str(files.folder(run["out"]) / name) if run["out"] else ""
+            entry = Entry(run["id"], name, "", sources.get(name, ""), out)
+            if wanted(entry):
+                found[name] = replace(entry, outcome=FAILED if failure else begun, failure=failure)
+    for entry in _last_entries(store, wanted):
         if entry.name not in found or entry.run >= found[entry.name].run:
             found[entry.name] = entry
     return found
 
 
-def _last_entries(store: Store) -> Iterator[Entry]:
-    """The latest record of each name in each folder; of many runs only this one is read."""
+def _last_entries(store: Store, wanted: Callable[[Entry], bool]) -> Iterator[Entry]:
+    """The latest record of each name in each folder that is ``wanted``; of many runs only this one is read, if it is."""
     last: dict[tuple[PurePath, str], list[PurePath]] = {}
     for path in entry_paths(store):
         last.setdefault((path.parent, path.stem.rpartition("-")[2]), []).append(path)
     for paths in last.values():
-        entry = next((entry for path in reversed(paths) if (entry := read_entry(path))), None)
+        read = filter(None, map(read_entry, reversed(paths)))
+        entry = next(filter(wanted, read), None)
         if entry is not None:
             yield entry
 

@@ -33,7 +33,9 @@ def look(video: PurePath, keys: Mapping[str, str]) -> dict[str, str]:
     for name, stat in files.listing(video).items():
         place = "/".join(name.split("/")[:2])
         stage = (
-            VIDEO if name.endswith(".lease") else whose.get(place) or whose.get(place.removesuffix(ARCHIVE))
+            VIDEO
+            if files.is_ours(name, leases=True)
+            else whose.get(place) or whose.get(place.removesuffix(ARCHIVE))
         )
         if stage is not None:
             found.setdefault(stage, []).append(f"{name} {stat.size} {stat.stamp}")

@@ -9,6 +9,7 @@ from pathlib import PurePath
 from zsmoseg.errors import StoreError
 from zsmoseg.stores import files
 from zsmoseg.stores.checks import Damage, check, last_record
+from zsmoseg.stores.imports import brought_before, imports_damages, imports_path
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.output import known_outputs
 from zsmoseg.stores.records import ARCHIVE, DESCRIPTION, PROBES, read_json, read_record
@@ -36,6 +37,8 @@ class Garbage:
     size: int
     thinner: list[Entry] = field(default_factory=list)
     """Records of videos in runs that do with less from then on."""
+    kept: list[PurePath] = field(default_factory=list)
+    """Records of what was imported, which alone keep a video."""
 
 
 @dataclass(frozen=True)
@@ -57,14 +60,21 @@ EVERYTHING = Thin(frozenset(), frozenset())
 
 
 def garbage(
-    store: Store, forget: Sequence[str] = (), keep: Set[Place] | None = None, thin: Thin = EVERYTHING
+    store: Store,
+    forget: Sequence[str] = (),
+    keep: Set[Place] | None = None,
+    thin: Thin = EVERYTHING,
+    aged: Sequence[str] = (),
 ) -> Garbage:
-    """What no run reaches once the runs ``forget`` are dropped, and leftovers of killed processes.
+    """What no run reaches once the runs ``forget`` and ``aged`` are dropped, and leftovers of killed processes.
 
-    Videos, artifacts, probes, fingerprints of videos that are gone, and unfinished files older than an hour.
+    Videos, artifacts, probes, fingerprints of videos that are gone, and unfinished files older than an hour. What was
+    imported for a video stays, unless every run of the video is in ``forget``: nobody can make it again.
 
     Parameters
     ----------
+    forget, aged
+        Named by the user; by their age alone.
     keep
         What is kept, instead of what runs reach; records of videos in runs that reach more go first.
     thin
@@ -75,10 +85,12 @@ def garbage(
     StoreError
         If there is no such run, or the record of a run that stays is damaged: nobody knows what it reaches.
     """
-    entries = _entries(store, forget)
+    entries = _entries(store, [*forget, *aged])
     by_run = {path: _places(thin.of(entry)) for path, entry in entries.items()}
     reached = set().union(*by_run.values()) if keep is None else keep
-    unreached = dict(_unreached(store, reached))
+    imported = _imported(store, forget)
+    kept = [imports_path(store, *place) for place in sorted(imported - reached) if len(place) == 1]
+    unreached = dict(_unreached(store, reached | imported))
     blind = [path for path, places in by_run.items() if not places.isdisjoint(unreached)]
     folders = list(unreached.values())
     left = {video[-16:] for video in store.videos() if store.path / video not in folders}
@@ -92,7 +104,21 @@ def garbage(
     blind = [path for path in blind if gone.isdisjoint(path.parents)]
     paths = [*blind, *folders, *stale, *unfinished]
     thinner = [new for entry in entries.values() if (new := thin.of(entry)) != entry]
-    return Garbage(paths, sum(files.size(path) or 0 for path in paths), thinner)
+    return Garbage(paths, sum(files.size(path) or 0 for path in paths), thinner, kept)
+
+
+def _imported(store: Store, forget: Sequence[str]) -> set[Place]:
+    """What the records of imports reach, but of videos of which the user forgets every run."""
+    found: set[Place] = set()
+    for video in store.videos():
+        if not files.exists(imports_path(store, video)):
+            continue
+        runs = {run_of(path) for path in entry_paths(store, video=video)}
+        if runs and runs <= set(forget):
+            continue
+        cues = brought_before(store, video)
+        found |= {(video,), *((video, kind, cue.key) for kind, cue in cues.items() if cue.key)}
+    return found
 
 
 def freed(store: Store) -> dict[str, int]:
@@ -139,8 +165,9 @@ def _entries(store: Store, forget: Sequence[str]) -> dict[PurePath, Entry]:
             continue
         entry = read_entry(path)
         if entry is None:
+            what = f"cannot be read ({closed})" if (closed := files.closed(path)) else "is damaged"
             raise StoreError(
-                f"{path}: is damaged; what it reaches is not known, so nothing is removed; "
+                f"{path}: {what}; what it reaches is not known, so nothing is removed; "
                 f"drop it with zsmoseg gc --forget {run_of(path)}"
             )
         found[path] = entry
@@ -194,10 +221,17 @@ def _verify(store: Store, deep: bool) -> list[Damage]:
         for path in video.probes():
             if read_record(path) is None:
                 found.append(Damage(path, None, "is damaged"))
+        found += imports_damages(store, video.path.name)
         for artifact in video.artifacts():
             found += check(artifact, deep)
     gone = {damage.path: damage for _, lost in _lost(store) for damage in lost.values()}
-    return found + list(gone.values())
+    return [_told(damage) for damage in [*found, *gone.values()]]
+
+
+def _told(damage: Damage) -> Damage:
+    """What the system does not let us read may be as it was written."""
+    closed = files.closed(damage.path)
+    return replace(damage, what=f"cannot be read ({closed}); mend that", closed=True) if closed else damage
 
 
 def _lost(store: Store) -> Iterator[tuple[Entry, dict[str, Damage]]]:
@@ -220,12 +254,15 @@ def _lost(store: Store) -> Iterator[tuple[Entry, dict[str, Damage]]]:
 def take_back(store: Store, deep: bool = True) -> list[Damage]:
     """As ``verify``; the next run redoes the parts that are damaged, and mends the rest by itself.
 
-    Records of runs that cannot be read are dropped: what they alone reached is garbage from then on.
+    Damaged records of runs are dropped: what they alone reached is garbage from then on. Nothing is done about files that
+    the system does not let us read, and about records of imports: those only their user can make again.
     """
     found = _verify(store, deep)
     for damage in found:
         place = damage.path.relative_to(store.path).parts
-        if damage.path.suffix == ARCHIVE:
+        if damage.closed or files.is_folder(damage.path):
+            continue  # it may be sound; it is somebody's
+        if damage.path.suffix == ARCHIVE or place[1:2] == (PROBES,):
             files.unlink(damage.path)
         elif len(place) > 3:
             artifact = store.artifact(*place[:3])

@@ -10,16 +10,17 @@ import shutil
 import signal
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from closed import skip_where_all_is_open, without_privileges
-from conftest import draw_clip, write_folder
+from conftest import draw_clip, write_folder, write_mp4
 from runs import segment
 
-from zsmoseg.errors import AccessError, SettingsError, SpaceError, system_errors_in_words
+from zsmoseg.errors import AccessError, SettingsError, SpaceError, VideoError, system_errors_in_words
 from zsmoseg.settings import resolve
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
@@ -31,7 +32,7 @@ from zsmoseg.workflows.planning.plan import VideoPlan
 from zsmoseg.workflows.running.choosing import choose, nothing_left
 from zsmoseg.workflows.running.progress import Bars, Lines, failure_lines
 from zsmoseg.workflows.running.request import Choice, Quiet, Report, Request
-from zsmoseg.workflows.running.run import run
+from zsmoseg.workflows.running.run import found_in, run
 
 ROOT = Path(__file__).parents[1]
 NAMES = ("ant", "bee", "cat", "dog")
@@ -120,6 +121,41 @@ def test_the_last_run_of_each_video_says_whether_it_failed(store: Store) -> None
     assert chosen(store, retry_failed=True) == "ant cat dog"
 
 
+def note(store: Store, source: str, out: str, outcome: str) -> None:
+    """A run with one video; of ``lost`` only the run itself tells."""
+    name = Path(source).name
+    record = RunRecord.begin(store, {}, [name], [source], out)
+    if outcome != "lost":
+        video = f"{name}-{zlib.crc32(source.encode()):016x}"
+        record.note(Entry(record.id, name, video, source, f"{out}/{name}", outcome=outcome))
+    record.end("failed", {name: "torn"} if outcome == "lost" else {}, {})
+
+
+@pytest.mark.parametrize(
+    ("then", "again"),
+    [
+        ([("/data/ant", "/o", "failed"), ("/other/ant", "/p", "done")], True),
+        ([("/data/ant", "/o", "lost"), ("/other/ant", "/p", "done")], True),
+        ([("/data/ant", "/o", "done"), ("/other/ant", "/p", "failed")], False),
+        ([("/data/ant", "/o", "done"), ("/other/ant", "/p", "lost")], False),
+        ([("/data/ant", "/o", "failed"), ("/data/ant", "/p", "done")], True),
+        ([("/data/ant", "/o", "done"), ("/data/ant", "/p", "failed")], False),
+        ([("/data/ant", "/p", "failed")], True),
+        ([("/data/ant", "/p", "done")], False),
+        ([("/before/ant", "/o", "failed")], True),
+        ([("/before/ant", "/o", "failed"), ("/data/ant", "/o", "done")], False),
+        ([("/other/ant", "/p", "failed")], False),
+    ],
+)
+def test_what_failed_is_known_by_its_source_and_its_output_folder(
+    then: list[tuple[str, str, str]], again: bool, store: Store
+) -> None:
+    for source, out, outcome in then:
+        note(store, source, out, outcome)
+    left = choose(VIDEOS, Choice(retry_failed=True), store, Path("/o"))
+    assert left == ([("/data/ant", "ant")] if again else [])
+
+
 def test_shares_do_not_move_while_others_mend_what_failed(store: Store) -> None:
     remember(store, "failed", dict.fromkeys(NAMES, "torn"), *NAMES)
     before = [chosen(store, share=(i, 2), retry_failed=True) for i in (1, 2)]
@@ -131,6 +167,51 @@ def test_shares_do_not_move_while_others_mend_what_failed(store: Store) -> None:
 def test_one_video_is_no_videos(found: int, words: str) -> None:
     assert words in nothing_left(found, Choice(retry_failed=True))
     assert nothing_left(found, Choice(share=(2, 3))).endswith(words[3:-5])
+
+
+def outputs(root: Path) -> None:
+    """What two runs left, and a video beside it."""
+    for name in ("out/ant", "out/bee"):
+        for folder in ("masks", "objects"):
+            write_folder(root / name / folder, draw_clip(0, 3, 96, 128)[0])
+        write_mp4(root / name / "overlay.mp4", draw_clip(0, 3, 96, 128)[0])
+        (root / name / ".zsmoseg.json").write_text("{}")
+    write_mp4(root / "cat.mp4", draw_clip(1, 3, 96, 128)[0])
+    write_folder(root / "data" / "dog", draw_clip(2, 3, 96, 128)[0])
+
+
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [
+        (["cat.mp4", "data/dog", "out"], ["cat.mp4", "data/dog"]),
+        (["data/*", "out/*", "out/*/masks/*.png"], ["data/dog"]),
+        (["out/*/objects", "cat.mp4"], ["cat.mp4"]),
+        (["out/ant/", "data"], ["data/dog"]),
+    ],
+)
+def test_what_runs_have_left_is_passed_over_with_a_line(
+    given: list[str], found: list[str], tmp_path: Path
+) -> None:
+    outputs(tmp_path)
+    request, notes = Request([str(tmp_path / name) for name in given]), list[str]()
+    assert [source for source, _ in found_in(request, notes.append)] == [
+        str(tmp_path / name) for name in found
+    ]
+    (line,) = notes
+    one_line(line, str(tmp_path / "out"), "output of zsmoseg", "passed over")
+
+
+@pytest.mark.parametrize("given", ["out", "out/ant", "out/*/masks", "out/ant/*.mp4"])
+def test_what_holds_nothing_but_output_is_refused(given: str, tmp_path: Path) -> None:
+    outputs(tmp_path)
+    with pytest.raises(VideoError, match="output of zsmoseg; give the videos that it was made from"):
+        found_in(Request([str(tmp_path / given)]))
+
+
+@pytest.mark.parametrize("given", ["out/ant/overlay.mp4", "out/bee/masks", "out/bee/objects/"])
+def test_what_is_named_itself_is_meant(given: str, tmp_path: Path) -> None:
+    outputs(tmp_path)
+    assert len(found_in(Request([str(tmp_path / given), str(tmp_path / "cat.mp4")]))) == 2
 
 
 def test_a_share_without_videos_is_no_failure(
@@ -194,6 +275,19 @@ def test_the_command_to_go_on_can_be_pasted() -> None:
     ):
         assert again(words) == "zsmoseg run a --until x --retry-failed"
         assert again(words, laid_out=False) == shlex.join(["zsmoseg", *words, "--retry-failed"])
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("run -o o -- a b", "run -o o --retry-failed -- a b"),
+        ("run -- --from x", "run --retry-failed -- --from x"),
+        ("run --from flow -- -a", "run --retry-failed -- -a"),
+        ("run --retry-failed -- --from=x", "run --retry-failed -- --from=x"),
+    ],
+)
+def test_the_command_to_go_on_leaves_what_stands_behind_two_dashes(words: str, told: str) -> None:
+    assert again(words.split()) == f"zsmoseg {told}"
 
 
 def test_videos_that_failed_for_one_reason_share_a_row() -> None:
@@ -541,7 +635,8 @@ def test_sources_that_cannot_be_make_no_store(
         (b"a = " + b"[" * 100_000, "is nested too deep"),
         (b"a = " + b"[" * 1_000 + b"]" * 1_000, "is nested too deep"),
         (b"[flow]\na = " + b"{a = " * 2_000 + b"1" + b"}" * 2_000, "is nested too deep"),
-        (b".".join([b"a"] * 3_000) + b" = 1", "a.a is a table; expected one value"),
+        (b".".join([b"a"] * 400) + b" = 1", "a.a is a table; expected one value"),
+        (b".".join([b"a"] * 3_000) + b" = 1", "has a line of over 500 dots"),
         (b"[flow]\nstride = inf\n", "flow.stride = inf: expected a finite number"),
         (b"[segments]\npitch = nan\n", "segments.pitch = nan: expected a finite number"),
         (b"[video]\nfps = -inf\n", "video.fps = -inf: expected a finite number"),

@@ -24,6 +24,7 @@ from zsmoseg.formats import find_for_video, open_masks
 from zsmoseg.settings import resolve
 from zsmoseg.stores import files
 from zsmoseg.stores.artifact import Artifact
+from zsmoseg.stores.imports import brought_before
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.output import LIST, Output
 from zsmoseg.stores.records import read_record, write_record
@@ -32,7 +33,6 @@ from zsmoseg.video.plain_names import stays
 from zsmoseg.video.sources import title, unique_names
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.export.exporting import choose, export
-from zsmoseg.workflows.imports.record import brought_before
 from zsmoseg.workflows.models.unpacking import unpack
 from zsmoseg.workflows.result import open_store
 from zsmoseg.workflows.running.request import Report, Request

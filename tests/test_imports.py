@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +13,13 @@ import numpy as np
 import pytest
 from conftest import draw_clip, write_folder
 from runs import masks, segment
+from stores_help import delete, empty, flip, truncate
 
 from zsmoseg.errors import FormatError, SettingsError
 from zsmoseg.formats.flow_files import write_flo
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.settings import resolve
+from zsmoseg.stores.records import read_record, write_record
 from zsmoseg.video.probe import Excerpt, probe
 from zsmoseg.workflows.cli import main
 from zsmoseg.workflows.imports.contents import count_unknown, depth_of, flow_of
@@ -460,3 +465,117 @@ def test_json_that_is_not_coco(brought: Path, tmp_path: Path, capsys: pytest.Cap
     assert error.count("\n") == 1
     assert main(arguments) == 2
     assert "nothing to import" in capsys.readouterr().err
+
+
+# ------------------------------------------------------------------ the record of what was imported
+@pytest.fixture(scope="module")
+def imported(brought: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store with masks and a depth."""
+    root = tmp_path_factory.mktemp("imported")
+    arguments = ["import", str(brought / "disc"), "--store", str(root / "store"), "--scheduler", "serial"]
+    cues = ["--proposals", str(brought / "masks"), "--depth", str(brought / "depth"), "--depth-is", "depth"]
+    assert main([*arguments, *cues]) == 0
+    return root / "store"
+
+
+class Imported:
+    """A copy of that store, and commands on it."""
+
+    def __init__(self, store: Path, disc: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.store, self.disc, self.capsys = store, disc, capsys
+        (self.record,) = store.glob("disc-*/imports.json")
+
+    def __call__(self, command: str, *more: str) -> tuple[int, str]:
+        source = [str(self.disc), "--scheduler", "serial"] if command in ("run", "import") else []
+        self.capsys.readouterr()
+        code = main([command, *source, "--store", str(self.store), *more])
+        told = self.capsys.readouterr()
+        return code, told.out + told.err
+
+
+@pytest.fixture
+def copy(imported: Path, brought: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Imported:
+    return Imported(shutil.copytree(imported, tmp_path / "store"), brought / "disc", capsys)
+
+
+def without_proposals(record: Path) -> None:
+    found = read_record(record) or {}
+    write_record(record, {kind: entry for kind, entry in found.items() if kind != "proposals"})
+
+
+def folder_there(record: Path) -> None:
+    record.unlink()
+    record.mkdir()
+
+
+def pipe_there(record: Path) -> None:
+    record.unlink()
+    os.mkfifo(record)
+
+
+@pytest.mark.parametrize(
+    "harm",
+    [delete, without_proposals, empty, truncate, flip, folder_there, pipe_there],
+    ids=lambda h: h.__name__,
+)
+def test_a_record_of_imports_that_is_lost_or_damaged_is_missed_until_the_import_is_repeated(
+    harm: Callable[[Path], None], copy: Imported, brought: Path
+) -> None:
+    harm(copy.record)
+    code, told = copy("verify")
+    assert code == 1
+    assert f"{copy.record}: " in told
+    assert "zsmoseg import again" in told
+    assert copy("repair", "--yes")[0] == 0
+    code, told = copy("run", "--dry-run")
+    assert code == 2
+    assert str(copy.record) in told
+    assert told.count("\n") == 1
+    if harm is folder_there:
+        copy.record.rmdir()
+    masks = ["--proposals", str(brought / "masks")]
+    assert copy("import", *masks)[0] == 0
+    code, told = copy("verify")
+    assert (code, "the depth imported" in told) == (int(harm is not without_proposals),) * 2, (
+        "the other is missed still"
+    )
+    assert copy("import", "--depth", str(brought / "depth"), "--depth-is", "depth")[0] == 0
+    assert copy("verify")[0] == 0
+    assert copy("run", "--dry-run")[0] == 0
+
+
+def test_a_lost_record_of_imports_is_no_more_missed_once_a_run_was_told_that_none_are_meant(
+    copy: Imported,
+) -> None:
+    delete(copy.record)
+    none = ["--set", "proposals.source=embedded", "--set", "depth.source=constant", "--until", "frames"]
+    assert copy("run", *none)[0] == 0
+    assert copy("verify")[0] == 0
+    assert copy("run", "--dry-run")[0] == 0
+
+
+def test_a_run_that_takes_masks_by_their_path_misses_no_record(
+    brought: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    segment(brought / "disc", tmp_path, {"proposals.path": str(brought / "masks")}, until=["proposals"])
+    assert main(["verify", "--store", str(tmp_path / "store")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("drop", "stays"),
+    [(["--older-than", "0h"], True), ([], True), (["--preset", "embedded"], True), (["--forget"], False)],
+)
+def test_gc_keeps_what_was_imported_unless_the_run_is_forgotten_by_its_name(
+    drop: list[str], stays: bool, copy: Imported
+) -> None:
+    run = read_record(next(copy.record.parent.glob("runs/*.json"))) or {}
+    drop = [*drop, run["run"]] if drop == ["--forget"] else drop
+    told = copy("gc", *drop)[1]
+    assert (f"{copy.record}: is kept" in told) == (drop == ["--older-than", "0h"])
+    assert copy("gc", *drop, "--yes")[0] == 0
+    assert copy.record.exists() == stays
+    left = {path.name for path in copy.record.parent.iterdir()} if stays else set()
+    assert left >= ({"proposals", "depth"} if stays else set())
+    assert copy("gc", "--yes")[0] == 0
+    assert copy.record.exists() == stays
+    assert copy("run", "--dry-run")[0] == 0

@@ -67,6 +67,17 @@ def test_what_another_setting_needs_is_made_again(clip: Path, tmp_path: Path) ->
     assert back.stages == OUTPUTS, "nothing that is gone is needed to paint"
 
 
+@pytest.mark.parametrize(("before", "after"), [(2, 64), (64, 2), (2, 3), (3, 4)])
+def test_what_is_gone_is_made_again_in_chunks_of_another_length(
+    before: int, after: int, clip: Path, tmp_path: Path
+) -> None:
+    segment(clip, tmp_path, {"chunk.length": before}, keep="masks")
+    _, again = segment(clip, tmp_path, {"chunk.length": after}, from_stage="flow")
+    assert {"statistics", "affinity"} <= again.stages
+    segment(clip, tmp_path / "one", {"chunk.length": after})
+    assert data_bytes(tmp_path / "out") == data_bytes(tmp_path / "one" / "out")
+
+
 def test_an_export_of_what_is_gone_says_how_to_get_it(
     clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,10 +17,15 @@ from runs import masks, segment
 from stores_help import delete, empty, flip, truncate
 
 from zsmoseg.errors import OutputError
+from zsmoseg.settings import resolve
 from zsmoseg.stores import files
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.output import LIST, Output
-from zsmoseg.stores.upkeep import take_back, verify
+from zsmoseg.stores.upkeep import garbage, take_back, verify
+from zsmoseg.workflows.planning.plan import VideoPlan
+from zsmoseg.workflows.running.jobs import Outcome
+from zsmoseg.workflows.running.request import Quiet, Request
+from zsmoseg.workflows.running.run import run
 
 FILES = ("masks/00001.png", "objects/00002.png", "overlay.mp4", "summary.json", "motion.csv")
 Harm = Callable[[Path], None]
@@ -104,6 +109,72 @@ def test_what_killed_runs_left_unfinished_goes_with_a_later_run_when_it_is_old(r
     segment(root / "disc", root)
     assert not old.exists()
     assert new.exists(), "somebody may be writing it"
+
+
+@pytest.mark.parametrize("name", ["notes.tmp", "masks/keep.lease", "x.tmp", ".mine.tmp", ".lease", ".tmp"])
+def test_what_the_user_keeps_there_stays_whatever_its_name_ends_with(name: str, root: Path) -> None:
+    folders = [
+        root / "out" / "disc",
+        root / "store",
+        root / "store" / "runs",
+        root / "store" / "fingerprints",
+    ]
+    kept = [folder / name for folder in [*folders, *(root / "store").glob("disc-*")]]
+    for path in kept:
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(b"mine")
+        os.utime(path, (1, 1))
+    segment(root / "disc", root, {"masks.when": "now"})
+    assert all(path.exists() for path in kept)
+    assert not {*kept} & {*garbage(Store.open(root / "store", create=False)).paths}
+
+
+class Meddler(Quiet):
+    """Does something to the output folder once the masks are there."""
+
+    def __init__(self, meddle: Callable[[Path], None]) -> None:
+        self.meddle = meddle
+
+    def part(self, plan: VideoPlan, stage: str, part: int, outcome: Outcome) -> None:
+        if stage == "masks" and part == 0:
+            self.meddle(plan.output.path)
+
+
+def link_elsewhere(out: Path) -> None:
+    out.rename(out.with_name("before"))
+    (out.parent.parent / "victim").mkdir()
+    out.symlink_to(out.parent.parent / "victim")
+
+
+@pytest.mark.parametrize(
+    ("meddle", "words"),
+    [
+        (shutil.rmtree, "masks/00000.png: is gone"),
+        (lambda out: shutil.rmtree(out / "masks"), "masks/00000.png: is gone"),
+        (lambda out: delete(out / "objects" / "00002.png"), "objects/00002.png: is gone"),
+        (lambda out: truncate(out / "masks" / "00003.png"), "masks/00003.png: was changed"),
+        (link_elsewhere, "disc: is a link"),
+    ],
+)
+def test_what_happens_to_the_folder_during_a_run_fails_the_video_and_the_next_run_mends_it(
+    meddle: Callable[[Path], None], words: str, root: Path
+) -> None:
+    shutil.rmtree(root / "out")
+    request = Request(
+        [str(root / "disc")],
+        root / "out",
+        root / "store",
+        resolve(overrides={"chunk.length": 4}),
+        scheduler="serial",
+    )
+    report = run(request, Meddler(meddle))
+    assert words in report.failures["disc"]
+    assert not report.finished
+    assert not (root / "victim").exists() or not list((root / "victim").iterdir())
+    if meddle is link_elsewhere:
+        (root / "out" / "disc").unlink()
+    assert not segment(root / "disc", root)[0].failures
+    assert found(root) == []
 
 
 def test_a_lost_list_is_made_again_and_nothing_but_the_files_is(root: Path) -> None:

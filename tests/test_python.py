@@ -288,7 +288,7 @@ def test_a_store_is_asked_by_name(name: Any, result) -> None:
 
 def test_a_scheduler_that_is_none_is_refused_where_nothing_is_left_to_do(clip: Path, result) -> None:
     root, _ = result
-    with pytest.raises(SettingsError, match="--scheduler nope: is no scheduler"):
+    with pytest.raises(SettingsError, match="--scheduler 'nope': is no address of a scheduler"):
         zsmoseg.segment(clip, out=root / "out", store=root / "store", scheduler="nope", progress=False)
 
 

@@ -39,6 +39,33 @@ def test_summary_names_groups_evidence_and_settings(finished: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("size", "encoded"),
+    [
+        ((1, 1), (2, 2)),
+        ((64, 1), (64, 2)),
+        ((1, 33), (2, 32)),
+        ((3, 5), (2, 4)),
+        ((266, 17000), (256, 16384)),
+        ((16386, 257), (16384, 256)),
+    ],
+)
+def test_the_overlay_of_frames_of_any_size_is_one_that_can_be_encoded(
+    size: tuple[int, int], encoded: tuple[int, int], tmp_path: Path
+) -> None:
+    import av
+
+    write_folder(tmp_path / "clip", np.random.default_rng(0).integers(0, 255, (2, *size, 3), np.uint8))
+    report, _ = segment(tmp_path / "clip", tmp_path, {"segments.pitch": 24})
+    assert not report.failures
+    with av.open(str(tmp_path / "out" / "clip" / "overlay.mp4")) as container:
+        frames = [frame.to_ndarray(format="bgr24").shape for frame in container.decode(video=0)]
+    assert frames == [(*encoded, 3)] * 2
+    notes = json.loads((tmp_path / "out" / "clip" / "summary.json").read_text())["notes"]
+    told = [note for note in notes if note.startswith("overlay: scaled to")]
+    assert told == ([told[0]] if max(size) > 16384 else [])
+
+
 def test_the_overlay_has_every_frame(finished: Path) -> None:
     import av
 

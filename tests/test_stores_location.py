@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import socket
 import subprocess
 import sys
 import time
 import uuid
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,13 +36,14 @@ from stores_help import (
     truncate,
 )
 
-from zsmoseg.errors import SpaceError, StoreError
+from zsmoseg.errors import SpaceError, StoreError, ZsmosegError, system_errors_in_words
 from zsmoseg.stores import files
 from zsmoseg.stores.keys import FORMAT, key
-from zsmoseg.stores.location import Store
+from zsmoseg.stores.leases import lease
+from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.reader import read_video
 from zsmoseg.stores.records import read_record, write_record
-from zsmoseg.stores.runs import Entry, RunRecord, entry_paths, forget_run, list_runs, read_run
+from zsmoseg.stores.runs import Entry, RunRecord, entry_paths, forget_run, list_runs, read_run, run_path
 from zsmoseg.stores.upkeep import garbage, remove_garbage, take_back, verify
 
 
@@ -325,7 +330,7 @@ def test_leftovers_go_only_when_they_are_old(store: Store) -> None:
     artifact = make_artifact(store, "k1")
     remember(store, "k1")
     old = [
-        leave(store.runs / ".a.json.12.tmp", 4000),
+        leave(unfinished(store.runs / "a.json"), 4000),
         leave(unfinished(record_path(artifact, 1)), 4000),
         leave(unfinished(artifact.archive), 4000),
         leave(artifact.lease_path("seal"), 4000),
@@ -348,7 +353,7 @@ def test_leftovers_go_only_when_they_are_old(store: Store) -> None:
 def test_leftovers_in_an_artifact_that_goes_are_counted_once(store: Store) -> None:
     artifact = make_artifact(store, "k1")
     remember(store, "k2")
-    leave(artifact.path / ".zarr.json.78.tmp", 4000)
+    leave(unfinished(artifact.path / "zarr.json"), 4000)
     assert garbage(store).paths == [artifact.path]
 
 
@@ -363,6 +368,131 @@ def test_a_full_disk_is_told_from_other_troubles(tmp_path: Path) -> None:
     assert not isinstance(caught.value, SpaceError)
 
 
+@pytest.mark.parametrize("number", [errno.EFBIG, errno.EIO, errno.EBUSY, errno.ENOSPC])
+def test_what_the_system_says_of_no_file_names_the_one_that_is_written(number: int, tmp_path: Path) -> None:
+    with (
+        pytest.raises((ZsmosegError, OSError)) as caught,
+        system_errors_in_words(),
+        files.errors_in_words(tmp_path / "x"),
+    ):
+        raise OSError(number, os.strerror(number))
+    assert isinstance(caught.value, ZsmosegError)
+    assert str(caught.value).startswith(f"{tmp_path / 'x'}: ")
+    assert "same command again" in str(caught.value)
+
+
+DEEP = b'{"format": ' + b"[" * 200_000
+
+
+def pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def listening(path: Path) -> None:
+    here = Path.cwd()
+    os.chdir(path.parent)  # the system takes short names of sockets only
+    try:
+        with socket.socket(socket.AF_UNIX) as one:
+            one.bind(path.name)
+    finally:
+        os.chdir(here)
+
+
+STRANGE = [
+    pipe,
+    listening,
+    Path.mkdir,
+    lambda path: path.symlink_to("/dev/zero"),
+    lambda path: path.write_bytes(DEEP),
+]
+
+
+@pytest.mark.parametrize("strange", STRANGE, ids=["pipe", "socket", "folder", "device", "deep"])
+def test_what_is_no_file_or_no_record_in_the_place_of_one_is_told_at_once(
+    strange: Callable[[Path], object], store: Store
+) -> None:
+    make_artifact(store, "k1")
+    run = remember(store, "k1")
+    video = store.video(store.videos()[0])
+    video.keep_probe("f0", {"times": [0]})
+    (entry,) = entry_paths(store)
+    places = [run_path(store, run), entry, video.path / "video.json", *video.probes()]
+    for path in places:
+        path.unlink(missing_ok=True)
+        strange(path)
+    told = {damage.path for damage in verify(store)}
+    assert told >= {path for path in places if path.name == "video.json" or not path.is_symlink()}
+    take_back(store)
+    left = [path for path in places[:2] if path.exists()]
+    assert all(path.is_dir() or path.is_symlink() for path in left), "what is no folder goes"
+
+
+@pytest.mark.parametrize("strange", STRANGE, ids=["pipe", "socket", "folder", "device", "deep"])
+def test_a_mark_that_is_no_file_or_no_record_is_a_lost_one(
+    strange: Callable[[Path], object], store: Store
+) -> None:
+    remember(store, "k1")
+    (store.path / MARK).unlink()
+    strange(store.path / MARK)
+    assert store.path / MARK in {damage.path for damage in verify(Store.open(store.path, create=False))}
+
+
+@pytest.mark.parametrize("strange", STRANGE, ids=["pipe", "socket", "folder", "device", "deep"])
+def test_a_lease_that_is_no_file_is_that_of_nobody_known(
+    strange: Callable[[Path], object], tmp_path: Path
+) -> None:
+    strange(tmp_path / "k1.seal.lease")
+    with lease(tmp_path / "k1.seal.lease", wait=False) as held:
+        assert not held or strange is STRANGE[3], "it was touched just now"
+
+
+def test_a_damaged_probe_of_any_settings_is_taken_back(store: Store) -> None:
+    remember(store, "k1")
+    video = store.video(store.video_id("goat", FINGERPRINT))
+    for harm in (empty, truncate, flip):
+        for name in ("f0", "f1"):
+            video.keep_probe(name, {"times": [0]})
+        harm(video.path / "probes" / "f0.json")
+        assert [damage.path for damage in take_back(store)] == [video.path / "probes" / "f0.json"]
+        assert verify(store) == []
+        assert [path.name for path in video.probes()] == ["f1.json"]
+
+
+@pytest.mark.parametrize("which", ["run", "video", "probe", "description", "imports", "zip"])
+def test_repair_leaves_what_cannot_be_read(which: str, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    make_archive(store, "k1")
+    run = remember(store, "k1")
+    video = store.video(store.videos()[0])
+    video.keep_probe("f0", {"times": [0]})
+    write_record(video.path / "imports.json", {})
+    places = {
+        "run": run_path(store, run),
+        "video": next(entry_paths(store)),
+        "probe": video.path / "probes" / "f0.json",
+        "description": video.path / "video.json",
+        "imports": video.path / "imports.json",
+        "zip": video.artifact("flow", "k1").archive,
+    }
+    assert verify(store) == []
+    closed, opened = places[which], os.open
+
+    def refuse(path: Any, *rest: Any, **more: Any) -> int:
+        if os.fspath(path) == str(closed):
+            raise PermissionError(errno.EACCES, "Permission denied", str(closed))
+        return opened(path, *rest, **more)
+
+    monkeypatch.setattr(os, "open", refuse)
+    os.utime(closed)  # what was read before is read again
+    (damage,) = take_back(store)
+    assert (damage.path, damage.what) == (closed, "cannot be read (Permission denied); mend that")
+    if which == "video":
+        with pytest.raises(StoreError, match="cannot be read"):
+            garbage(store)
+    monkeypatch.undo()
+    os.utime(closed)
+    assert verify(store) == []
+
+
 def test_looking_at_records_imports_the_standard_library_only(store: Store) -> None:
     make_artifact(store, "k1")
     make_archive(store, "k2")
@@ -370,7 +500,8 @@ def test_looking_at_records_imports_the_standard_library_only(store: Store) -> N
     script = f"""
 import sys
 from zsmoseg.stores.checks import joined_problem, part_problem
-from zsmoseg.stores.location import Store
+from zsmoseg.stores.leases import lease
+from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.runs import list_runs
 from zsmoseg.stores.upkeep import garbage, verify
 store = Store.open({str(store.path)!r}, create=True)

@@ -13,9 +13,9 @@ from runs import Counter, data_bytes, segment
 
 from zsmoseg.stores.artifact import Artifact, part_name
 from zsmoseg.stores.checks import part_problem
+from zsmoseg.stores.imports import Brought, brought_before, remember
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.upkeep import verify
-from zsmoseg.workflows.imports.record import Brought, brought_before, remember
 from zsmoseg.workflows.running.request import Report
 
 LONG, SHORT = 8, 3

@@ -83,10 +83,10 @@ def test_leases_of_killed_runs_are_swept_and_those_of_others_stay(tmp_path: Path
 
     gone = {"host": leases.socket.gethostname(), "pid": psutil.Process().pid, "started": 0.0}
     for name, held in (("gone", gone), ("other", {**gone, "host": "elsewhere"})):
-        (tmp_path / f"{name}.lease").write_text(json.dumps(held))
-    with lease(tmp_path / "mine.lease"):
+        (tmp_path / f"{name}.begin.lease").write_text(json.dumps(held))
+    with lease(tmp_path / "mine.begin.lease"):
         leases.sweep(tmp_path)
-        assert {path.name for path in tmp_path.iterdir()} == {"other.lease", "mine.lease"}
+        assert {path.name for path in tmp_path.iterdir()} == {"other.begin.lease", "mine.begin.lease"}
 
 
 def test_a_lease_of_another_machine_is_nobodys_when_it_stops_beating(

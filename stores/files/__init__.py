@@ -6,6 +6,7 @@ What the two kinds do is said in ``storage``; here is what follows from that for
 from __future__ import annotations
 
 import os
+import re
 import time
 import zlib
 from collections.abc import Iterator, Mapping
@@ -28,8 +29,8 @@ from zsmoseg.video.plain_names import parts_of
 P = TypeVar("P", bound=PurePath)
 STALE = 3600.0
 """Seconds after which an unfinished file is a leftover of a process that is gone."""
-LEFT = (".tmp", ".lease")
-"""Ends of the names of what killed runs leave."""
+LEASE = re.compile(r"(?:\.zsmoseg|[0-9A-Za-z_-]+\.(?:begin|seal|\d{4,}))\.lease")
+"""Names of leases: of an output folder, of work on an artifact."""
 SHOWN = 80
 """Characters of a name in an error."""
 
@@ -121,6 +122,11 @@ def exists(path: PurePath) -> bool:
 def is_folder(path: PurePath) -> bool:
     """Whether there is a folder."""
     return on(path).is_folder(path)
+
+
+def closed(path: PurePath) -> str | None:
+    """Why a file that is there cannot be read, in the system's words; None where it can be, or there is none."""
+    return on(path).closed(path)
 
 
 def is_link(path: PurePath) -> bool:
@@ -317,11 +323,17 @@ def remove(path: PurePath) -> None:
     on(path).remove(path)
 
 
+def is_ours(name: str, leases: bool = False) -> bool:
+    """Whether a file has a name that only zsmoseg gives, to a lease or (unless ``leases``) to what is unfinished."""
+    last = name.rpartition("/")[2]
+    return LEASE.fullmatch(last) is not None or (not leases and TMP.fullmatch(last) is not None)
+
+
 def leftovers(path: PurePath, everywhere: bool = True) -> list[PurePath]:
     """Unfinished files and leases in a folder (and below it: ``everywhere``) that are old enough to be nobody's."""
     oldest = (time.time() - STALE) * 1e9
     names = listing(path) if everywhere else [name for name, is_one in on(path).inside(path) if not is_one]
-    left = [path / name for name in names if name.endswith(LEFT)]
+    left = [path / name for name in names if is_ours(name)]
     return sorted(
         file for file in left if not is_link(file) and (seen := signature(file)) and seen.modified < oldest
     )

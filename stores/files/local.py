@@ -13,13 +13,15 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
-from zsmoseg.errors import SpaceError
+from zsmoseg.errors import AccessError, SpaceError
 from zsmoseg.remote.looks import Stat
 
 TRIES = 5
 """Times that another process may take a name away, or give it, while a file is made."""
 TMP = re.compile(r"\.(.+\.)?[0-9a-f]{32}\.tmp")
 """Names of unfinished files."""
+NO_FILE = (errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EINVAL, errno.ENXIO, errno.ELOOP)
+"""Where there is no file, or something else in its place."""
 NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)
 """What file systems without hard links say."""
 
@@ -32,16 +34,45 @@ def is_link(path: PurePath) -> bool:
     return os.path.islink(path)
 
 
+@contextmanager
+def _opened(path: PurePath) -> Iterator[BinaryIO]:
+    """A regular file, open for reading; what waits for others (a pipe, a device) is refused, by the file that was opened.
+
+    Raises
+    ------
+    OSError
+        It cannot be opened, or is no regular file.
+    """
+    with open(path, "rb", opener=_without_waiting) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "is no regular file", os.fspath(path))
+        yield file
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
 def read(path: PurePath) -> bytes | None:
     try:
-        return Path(path).read_bytes()
+        with _opened(path) as file:
+            return file.read()
     except OSError:
         return None
 
 
+def closed(path: PurePath) -> str | None:
+    try:
+        with _opened(path) as file:
+            file.read(1)
+    except OSError as error:
+        return None if error.errno in NO_FILE else error.strerror
+    return None
+
+
 def read_range(path: PurePath, offset: int, length: int) -> bytes | None:
     try:
-        with open(path, "rb") as file:
+        with _opened(path) as file:
             file.seek(offset)
             return file.read(length)
     except OSError:
@@ -268,13 +299,19 @@ def free(path: PurePath) -> int:
 
 @contextmanager
 def errors_in_words(path: PurePath) -> Iterator[None]:
-    """A full disk: names ``path`` and the space that is left."""
+    """A full disk: names ``path`` and the space that is left; what names no file: ``path``, too."""
     try:
         yield
     except OSError as error:
+        if error.errno == errno.EFBIG:
+            raise AccessError(
+                f"{path}: a file would be larger than this process or its disk may have (ulimit -f); raise that and run the same command again"
+            ) from error
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            if error.filename is None and error.errno is not None:
+                error.filename = os.fspath(path)
             raise
         raise SpaceError(
-            f"{path}: no space left on the disk ({free(path) / 1e6:.1f} MB free); free some, or give a store on another "
-            "disk (--store), and run the same command again"
+            f"{path}: no space left on the disk ({free(path) / 1e6:.1f} MB free); free some, or give a place on "
+            "another disk (--store for the store, -o for the output folder), and run the same command again"
         ) from error

@@ -70,6 +70,10 @@ def is_folder(path: PurePath) -> bool:
     return bucket.is_folder(_url(path))
 
 
+def closed(path: PurePath) -> str | None:
+    return None  # reading raises
+
+
 def is_link(path: PurePath) -> bool:
     return False
 

@@ -53,6 +53,9 @@ class Storage(Protocol):
     def is_folder(self, path: PurePath) -> bool:
         """Whether there is a folder."""
 
+    def closed(self, path: PurePath) -> str | None:
+        """Why a file that is there cannot be read; None where it can be, or there is none."""
+
     def is_link(self, path: PurePath) -> bool:
         """Whether there is a symbolic link."""
 

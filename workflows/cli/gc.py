@@ -57,14 +57,18 @@ def main(options: argparse.Namespace) -> int:
     configurations += [resolve(config=path) for path in options.config]
     store = Store.open(store_path(options.store), create=False)
     keep, unknown = reached(store, configurations) if configurations else (None, [])
-    forget, thin = list(options.forget), EVERYTHING
+    aged, thin = list[str](), EVERYTHING
     if options.older_than is not None:
-        forget += begun_before(store, datetime.now(UTC) - options.older_than)
+        aged = begun_before(store, datetime.now(UTC) - options.older_than)
     if options.keep_cues is not None:
         thin = Thin(frozenset(older(run_ids(store), options.keep_cues)), RESULTS)
     with files.looking_at(store.path):
-        found = garbage(store, forget, keep, thin)
-    for line in [*unknown, *found.paths]:
+        found = garbage(store, options.forget, keep, thin, aged)
+    forget = [*options.forget, *aged]
+    kept = [
+        f"{path}: is kept, and so is what was imported; remove it to have that go too" for path in found.kept
+    ]
+    for line in [*unknown, *kept, *found.paths]:
         print(line)
     print(f"{counted(len(found.paths), 'artifact')} and leftovers, {found.size / 1e6:.1f} MB")
     if not (found.paths or forget or found.thinner):

@@ -38,7 +38,6 @@ def main(options: argparse.Namespace) -> int:
     from zsmoseg.errors import SettingsError
     from zsmoseg.settings import resolve
     from zsmoseg.stores.location import Store
-    from zsmoseg.workflows.imports.record import remember
     from zsmoseg.workflows.imports.settling import KINDS
     from zsmoseg.workflows.imports.told import brought_lines
     from zsmoseg.workflows.planning.plan import VideoPlan
@@ -52,13 +51,14 @@ def main(options: argparse.Namespace) -> int:
     if not kinds:
         raise SettingsError("nothing to import; give --proposals, --flow or --depth with a path")
     store = store_path(options.store)
-    request = Request(options.sources, Path(OUT), store, settings, until=kinds, **execution(options))
+    request = Request(
+        options.sources, Path(OUT), store, settings, until=kinds, imports=True, **execution(options)
+    )
     with make_watcher() as watcher:
         report = run(request, watcher)
     opened = Store.open(store, create=True)
     for name, plan in each_plan(request, opened, found_in(request)):
         if name in report.finished and isinstance(plan, VideoPlan):
-            remember(opened, plan.video, plan.brought)
             for line in brought_lines(plan):
                 print(f"{plan.name}: {line}")
     if report.failures:

@@ -14,7 +14,9 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Show what is damaged, ask, take back the records of it; the files stay until they are made again."""
+    """Show what is damaged, ask, take back the records of it; the files stay until they are made again; 1 if the user did
+    not agree.
+    """
     from zsmoseg.stores.location import Store
     from zsmoseg.stores.upkeep import take_back
 
@@ -24,7 +26,9 @@ def main(options: argparse.Namespace) -> int:
         return 0
     if not options.yes and not agreed("take back?"):
         print("nothing changed")
-        return 0
+        return 1
     take_back(store)
-    print(f"{len(damages)} problems; the same zsmoseg run command again mends them")
+    print(
+        f"{len(damages)} problems; the same zsmoseg run command again mends them, but for those that say what else to do"
+    )
     return 0

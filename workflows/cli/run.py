@@ -250,10 +250,11 @@ def again(words: Sequence[str], laid_out: bool = True) -> str:
     laid_out
         The run has taken back what ``--from`` asks for: once more would lose what was finished since.
     """
-    kept = list(words)
+    at = [*words, "--"].index("--")
+    kept, sources = list(words[:at]), words[at:]
     while laid_out and "--from" in kept:
         at = kept.index("--from")
         del kept[at : at + 2]
     kept = [word for word in kept if not (laid_out and word.startswith("--from="))]
     retry = [] if "--retry-failed" in kept else ["--retry-failed"]
-    return shlex.join(["zsmoseg", *kept, *retry])
+    return shlex.join(["zsmoseg", *kept, *retry, *sources])

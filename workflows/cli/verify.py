@@ -19,7 +19,7 @@ def main(options: argparse.Namespace) -> int:
     damages = told_damages(Store.open(store_path(options.store), create=False))
     if damages:
         print(
-            f"{len(damages)} problems; zsmoseg repair, then the same zsmoseg run command again, mends them; zsmoseg gc "
+            f"{len(damages)} problems; zsmoseg repair --yes, then the same zsmoseg run command again, mends them; zsmoseg gc "
             "removes those that no run reaches"
         )
     return 1 if damages else 0

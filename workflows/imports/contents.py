@@ -19,10 +19,11 @@ from zsmoseg.formats.flow import FlowSource, open_flow
 from zsmoseg.formats.frame_names import match_frames
 from zsmoseg.formats.mask_formats import open_masks
 from zsmoseg.formats.overlaps import FrameMasks, MaskSource, left_out_words
+from zsmoseg.stores.imports import Brought
 from zsmoseg.stores.location import Store
 from zsmoseg.video.probe import Probe
 from zsmoseg.video.sources import image_files, title
-from zsmoseg.workflows.imports.record import Brought, fingerprint
+from zsmoseg.workflows.imports.fingerprints import fingerprint
 
 Source = MaskSource | FlowSource | DepthSource
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from zsmoseg.errors import FormatError, SettingsError
+from zsmoseg.errors import FormatError, SettingsError, StoreError
 from zsmoseg.formats.mask_formats import open_masks
 from zsmoseg.formats.names import find_for_video
 from zsmoseg.remote.url import is_url
 from zsmoseg.settings import Settings
+from zsmoseg.stores.imports import Brought, Imports
 from zsmoseg.stores.location import Store
-from zsmoseg.workflows.imports.record import Brought, brought_before, fingerprint
+from zsmoseg.workflows.imports.fingerprints import fingerprint
 from zsmoseg.workflows.planning.chosen_models import with_models
 
 KINDS = {"proposals": "embedded", "flow": "dis", "depth": "constant"}
@@ -19,7 +20,7 @@ KINDS = {"proposals": "embedded", "flow": "dis", "depth": "constant"}
 
 
 def settle(
-    settings: Settings, store: Store, name: str, video: str, alone: bool = True
+    settings: Settings, store: Store, name: str, before: Imports, alone: bool = True
 ) -> tuple[Settings, dict[str, Brought]]:
     """The settings for one video, with every ``auto`` source decided, and what is brought.
 
@@ -31,15 +32,16 @@ def settle(
         A path whose source says otherwise; ``imported`` where nothing was; depth without the word for it.
     FormatError
         Nothing for this video at the path.
+    StoreError
+        What was imported is not known any more, and no setting says what else is meant.
     """
     _refuse_urls(settings)
-    before = brought_before(store, video)
     brought: dict[str, Brought] = {}
     update: dict[str, Any] = {}
     for kind, plain in KINDS.items():
         section = getattr(settings, kind)
         named = bool(section.model or getattr(section, "boxes", ""))
-        found = None if named else _brought(section, kind, store, name, before.get(kind), alone)
+        found = None if named else _brought(section, kind, store, name, before, alone)
         if found is None:
             source = ("network" if named else plain) if section.source == "auto" else section.source
             _refuse_both(kind, section, named, source)
@@ -76,7 +78,7 @@ def _refuse_both(kind: str, section: Any, named: bool, source: str) -> None:
 
 
 def _brought(
-    section: Any, kind: str, store: Store, name: str, before: Brought | None, alone: bool
+    section: Any, kind: str, store: Store, name: str, imports: Imports, alone: bool
 ) -> Brought | None:
     if section.source not in ("auto", "imported"):
         if section.path:
@@ -84,7 +86,13 @@ def _brought(
                 f"{kind}.path is given but {kind}.source = {section.source}; leave one of them out"
             )
         return None
+    before = imports.held.get(kind)
     if not section.path:
+        if kind in imports.lost:
+            plain = KINDS[kind]
+            raise StoreError(
+                f"{imports.lost[kind]}; zsmoseg import again, or say that none are meant: --set {kind}.source={plain}"
+            )
         if section.source == "imported" and before is None:
             raise SettingsError(
                 f"{kind}.source = imported: nothing was imported for {name}; give --{kind} PATH, or zsmoseg import first"

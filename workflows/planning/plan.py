@@ -15,17 +15,17 @@ from zsmoseg.networks.references import is_pinned
 from zsmoseg.settings import Settings
 from zsmoseg.stores.artifact import Artifact
 from zsmoseg.stores.checks import part_problem
+from zsmoseg.stores.imports import Brought
 from zsmoseg.stores.keys import FORMAT
 from zsmoseg.stores.keys import key as artifact_key
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.output import STATES, SUMMARY, Output
 from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.imports.contents import check
-from zsmoseg.workflows.imports.record import Brought
-from zsmoseg.workflows.imports.settling import settle
 from zsmoseg.workflows.planning.differences import differences
 from zsmoseg.workflows.stage import ALL, Stage, description, ignored_words, working_size
 from zsmoseg.workflows.stages.graph import GRAPHS, Graph, graph_of, names
+from zsmoseg.workflows.stages.outputs.overlay import scaled_words
 from zsmoseg.workflows.wording import counted
 
 
@@ -77,7 +77,8 @@ class StagePlan:
 
 @dataclass
 class VideoPlan:
-    """One video: the stages in order, of the graph ``graph``; ``brought`` are the cues that were imported.
+    """One video: the stages in order, of the graph ``graph``; ``brought`` are the cues that are brought, ``imported`` the
+    kinds that were imported for it before.
 
     ``known``: stages and keys of artifacts that are whole; ``dropped``: of those that runs do without; ``seen``: how they are
     (``stores/seen.py``); ``notes``: what its user should know of the source and what is ignored of it; ``settled``: the summary of
@@ -98,6 +99,12 @@ class VideoPlan:
     seen: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
     settled: dict[str, Any] | None = None
+    imported: Set[str] = frozenset()
+
+    @property
+    def keys(self) -> dict[str, str]:
+        """The key of each stage."""
+        return {name: stage.key for name, stage in self.stages.items()}
 
     @property
     def files(self) -> list[str]:
@@ -138,10 +145,10 @@ def plan_video(
     fingerprint: str,
     probe: Probe,
     settings: Settings,
+    brought: Mapping[str, Brought],
     out: str,
     start_from: str | None = None,
     until: Sequence[str] = (),
-    alone: bool = True,
     known: Set[tuple[str, str]] = frozenset(),
     dropped: Set[tuple[str, str]] = frozenset(),
 ) -> VideoPlan:
@@ -149,8 +156,8 @@ def plan_video(
 
     Parameters
     ----------
-    alone
-        No other video is asked for.
+    settings, brought
+        As ``settle`` leaves them.
     known
         Stages and keys of artifacts that are whole: they are not looked at.
     dropped
@@ -159,37 +166,27 @@ def plan_video(
     Raises
     ------
     SettingsError
-        ``start_from`` or ``until`` name no stage; sources of cues that contradict each other; an ignore mask that does not fit.
+        ``start_from`` or ``until`` name no stage; an ignore mask that does not fit.
     FormatError
         Files of an imported cue do not fit.
     OutputError
         The output folder is not ours.
     """
-    settings, brought = settle(settings, store, name, video, alone)
     graph = graph_of(settings)
     stages = GRAPHS[graph]
     for option, value in [("--from", start_from), *(("--until", stage) for stage in until)]:
         if value is not None and value not in stages:
             what = "no stage with these settings" if value in names() else "no such stage"
             raise SettingsError(f"{option} {value}: {what}; there are {', '.join(stages)}")
-    plan = VideoPlan(
-        source,
-        name,
-        video,
-        fingerprint,
-        probe,
-        {},
-        Output(out, video),
-        graph,
-        brought,
-        known | dropped,
-        dropped,
-    )
+    output = Output(out, video)
+    about = (source, name, video, fingerprint, probe)
+    plan = VideoPlan(*about, {}, output, graph, brought, known | dropped, dropped)
     plan.notes = [*probe.notes, *ignored_words(settings.ignore, probe.height, probe.width)]
     needed = _needed(stages, until)
     for stage in needed:
         plan.stages[stage.name] = _plan_stage(plan, store, stage, settings)
     if any(stage.output for stage in needed):
+        plan.notes = [*plan.notes, *(scaled_words(probe) if settings.overlay.write else [])]
         plan.output.refuse_foreign([*plan.files, SUMMARY, STATES], store)
     again = following(stages, start_from) if start_from else set()
     for planned in plan.stages.values():

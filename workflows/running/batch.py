@@ -10,6 +10,7 @@ from typing import Any
 
 from zsmoseg.errors import AccessError, StoreError, ZsmosegError, in_words, stops_all
 from zsmoseg.stores import files, seen
+from zsmoseg.stores.imports import remember
 from zsmoseg.stores.leases import lease
 from zsmoseg.stores.location import MARK, Store
 from zsmoseg.stores.runs import DONE, FAILED, RUNNING, Entry, RunRecord
@@ -47,6 +48,7 @@ class Batch:
         self.record: RunRecord | None = None
         self.rates = Rates.load()
         self._alone, self._size = alone, len(meant)
+        self._sources = [source for source, _ in meant]
         self._coming = deque(meant)
         self._held: dict[str, Callable[[], bool]] = {}  # by name: whether what it waits for goes on
         self._leases: dict[str, ExitStack] = {}
@@ -183,7 +185,8 @@ class Batch:
     def _begin_run(self) -> None:
         """Note the run once a video of it can be planned, and what became of those before."""
         if self.record is None:
-            self.record = RunRecord.begin(self.store, self.request.settings.flat(), self.report.names)
+            settings, out = self.request.settings.flat(), files.absolute(self.request.out)
+            self.record = RunRecord.begin(self.store, settings, self.report.names, self._sources, out)
             self.store.mark()
             self.report.run = self.record.id
         self._tell()
@@ -218,12 +221,12 @@ class Batch:
         try:
             if plan.settled is not None:
                 summary = plan.settled or None
-                self._note(plan, DONE)
+                self._done(plan)
             else:
                 with files.looking_at(self.store.video(plan.video).path, plan.output.path):
                     summary = seal_video(plan, self.request.settings)
                     plan.seen = self._seen(plan)
-                    self._note(plan, DONE)
+                    self._done(plan)
         except Exception as error:
             self.fail(plan, Failure.of(error, plan.source), error)
             return
@@ -231,6 +234,12 @@ class Batch:
         self._count(plan, summary)
         self.report.finish(plan.name, summary)
         self.watcher.finished(plan, summary)
+
+    def _done(self, plan: VideoPlan) -> None:
+        if self.request.imports:
+            remember(self.store, plan.video, plan.brought, plan.keys)
+            plan.imported |= plan.brought.keys()
+        self._note(plan, DONE)
 
     def _count(self, plan: VideoPlan, summary: dict[str, Any] | None) -> None:
         """Keep what the artifacts that were computed take on the disk, for estimates to come."""
@@ -286,10 +295,11 @@ class Batch:
             plan.source,
             files.absolute(plan.output.path) if plan.files else "",
             plan.graph,
-            {name: stage.key for name, stage in plan.stages.items()},
+            plan.keys,
             outcome,
             seen=plan.seen if outcome == DONE else {},
             dropped=self._dropped(plan, outcome),
+            imported=" ".join(sorted(plan.imported)),
         )
         self.record.note(replace(entry, failure=failure.message, trace=failure.trace) if failure else entry)
         if outcome == DONE and entry.dropped:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from zsmoseg.remote.looks import one_look
 from zsmoseg.stores import files, seen
+from zsmoseg.stores.imports import Imports, imports
 from zsmoseg.stores.location import Store
 from zsmoseg.stores.runs import last_entry
 from zsmoseg.video.probe import Excerpt, Probe, probe
 from zsmoseg.video.sources import fingerprint as read_fingerprint
 from zsmoseg.video.sources import stat_signature
+from zsmoseg.workflows.imports.settling import settle
 from zsmoseg.workflows.planning.plan import VideoPlan, plan_video
 from zsmoseg.workflows.running.request import Request
 from zsmoseg.workflows.running.summary import settled
@@ -21,7 +23,7 @@ def make_plan(request: Request, store: Store, source: str, name: str, alone: boo
     Raises
     ------
     ZsmosegError
-        See ``plan_video``; the source cannot be read.
+        See ``settle`` and ``plan_video``; the source cannot be read.
     """
     with one_look():
         return _planned(request, store, source, name, alone)
@@ -38,6 +40,9 @@ def _planned(request: Request, store: Store, source: str, name: str, alone: bool
         last = last_entry(store, video)
         now = seen.look(folder, last.keys) if last and last.seen else {}
         known = seen.known(last.seen, now, last.keys) if last else set()
+        before = imports(store, video, last, anew=request.imports)
+        settled_by = Imports(before.held) if request.imports else before
+        chosen, brought = settle(settings, store, name, settled_by, alone)
         plan = plan_video(
             store,
             source,
@@ -45,15 +50,16 @@ def _planned(request: Request, store: Store, source: str, name: str, alone: bool
             video,
             fingerprint,
             looked,
-            settings,
+            chosen,
+            brought,
             str(request.out / name),
             request.start_from,
             request.until,
-            alone,
             known,
             last.gone if last else set(),
         )
         plan.seen, plan.settled = now, settled(plan, settings)
+        plan.imported = before.kinds if request.imports else {*before.held}
         return plan
 
 

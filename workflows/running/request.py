@@ -55,7 +55,9 @@ KEPT: dict[Keep, frozenset[str]] = {
 
 @dataclass(frozen=True)
 class Request:
-    """What a user asked for; ``steal``: take what expired leases hold without watching whether they beat; ``keep``: what stays."""
+    """What a user asked for; ``steal``: take what expired leases hold without watching whether they beat; ``keep``: what stays;
+    ``imports``: what is brought is noted for the runs to come.
+    """
 
     sources: Sequence[str]
     out: PurePath = Path("zsmoseg-out")
@@ -69,6 +71,7 @@ class Request:
     patience: float = PATIENCE
     steal: bool = False
     keep: Keep = "all"
+    imports: bool = False
 
 
 class Watcher(Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from zsmoseg.errors import ZsmosegError, system_errors_in_words
@@ -25,7 +25,7 @@ from zsmoseg.workflows.planning.estimate import (
 from zsmoseg.workflows.planning.plan import VideoPlan, explain_plan
 from zsmoseg.workflows.planning.rates import Rates
 from zsmoseg.workflows.running.batch import Batch
-from zsmoseg.workflows.running.choosing import Named, choose, nothing_left
+from zsmoseg.workflows.running.choosing import Named, choose, nothing_left, without_outputs
 from zsmoseg.workflows.running.driving import Drive
 from zsmoseg.workflows.running.executors import make_executor
 from zsmoseg.workflows.running.first_look import make_plan
@@ -41,15 +41,17 @@ LOOK = (6, 64)
 most, to see whether all are small."""
 
 
-def found_in(request: Request) -> list[Named]:
-    """The videos that the sources hold, and their names.
+def found_in(request: Request, note: Callable[[str], None] = lambda line: None) -> list[Named]:
+    """The videos that the sources hold, and their names; ``note`` is told what is passed over.
 
     Raises
     ------
     VideoError
         A source means nothing; two have one name.
     """
-    found = sources(request.sources)
+    found, passed = without_outputs(sources(request.sources), request.sources)
+    if passed:
+        note(passed)
     return list(zip(found, unique_names(found), strict=True))
 
 
@@ -68,7 +70,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
     with system_errors_in_words():
         place, _ = files.folder(request.store), files.folder(request.out)
         with one_look():
-            found = found_in(request)
+            found = found_in(request, watcher.note)
         report = Report()
         store = Store.open(place, create=True)
         try:
@@ -80,7 +82,7 @@ def run(request: Request, watcher: Watcher | None = None) -> Report:
 
 
 def _run(request: Request, store: Store, found: Sequence[Named], report: Report, watcher: Watcher) -> Report:
-    meant = choose(found, request.choice, store)
+    meant = choose(found, request.choice, store, request.out)
     report.names = [name for _, name in meant]
     if not meant:
         watcher.note(nothing_left(len(found), request.choice))
@@ -174,7 +176,7 @@ def each_plan(
     ZsmosegError
         Of a single video, why it cannot be planned.
     """
-    meant = choose(found, request.choice, store)
+    meant = choose(found, request.choice, store, request.out)
     for source, name in meant:
         try:
             yield name, make_plan(request, store, source, name, len(found) == 1)
@@ -197,8 +199,10 @@ def dry_run(request: Request) -> Iterator[str]:
         store = Store(files.folder(request.store))
         if files.exists(store.path):
             store = Store.open(request.store, create=False)
-        found = found_in(request)
-        if not choose(found, request.choice, store):
+        passed = list[str]()
+        found = found_in(request, passed.append)
+        yield from passed
+        if not choose(found, request.choice, store, request.out):
             yield nothing_left(len(found), request.choice)
             return
         rates, plans, failures = Rates.load(), list[VideoPlan](), list[Failure]()

@@ -47,7 +47,14 @@ def settled(plan: VideoPlan, settings: Settings) -> dict[str, Any] | None:
 
 
 def write_summary(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
-    """Describe a finished video in its output folder, and clear the folder of what an older run left there."""
+    """Describe a finished video in its output folder, and clear the folder of what an older run left there.
+
+    Raises
+    ------
+    OutputError
+        A file that the run left there is gone by now.
+    """
+    plan.output.refuse_gaps(plan.files)
     kept = _kept(plan, settings)
     if kept is not None:
         plan.output.remove_others([*plan.files, SUMMARY, STATES])
@@ -86,7 +93,7 @@ def _about(plan: VideoPlan, settings: Settings) -> dict[str, Any]:
         "size": [plan.probe.width, plan.probe.height],
         "notes": list(plan.notes),
         "settings": settings.flat(),
-        "keys": {name: stage.key for name, stage in plan.stages.items()},
+        "keys": plan.keys,
     }
 
 

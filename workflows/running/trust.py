@@ -52,7 +52,7 @@ def refuse_changed(promise: Mapping[str, str], stage: str, part: Part, sections:
     VideoError, FormatError, SettingsError
         The source, files that were brought, the ignore mask.
     """
-    from zsmoseg.workflows.imports.record import fingerprint
+    from zsmoseg.workflows.imports.fingerprints import fingerprint
 
     if (
         part.decoded

@@ -128,7 +128,7 @@ def _folder_of_glob(pattern: str) -> str:
 
 
 def _write_problem(folder: PurePath) -> str | None:
-    probe = folder / f".look-{uuid.uuid4().hex}.tmp"
+    probe = folder / f".look.{uuid.uuid4().hex}.tmp"
     if not files.is_folder(folder):
         return f"{folder}: no such folder"
     try:

@@ -14,6 +14,8 @@ STRENGTH = 0.55
 FIRST_HUE, GOLDEN_ANGLE = 18, 68.754
 """Hue of group 1, orange, and from one group to the next, in the half degrees of OpenCV."""
 HUES, SATURATION, VALUE = 180, 230, 255
+LONGEST = 2**14
+"""Pixels of a side that x264 encodes."""
 
 
 def overlay(frame: UInt8, mask: NDArray[np.integer[Any]]) -> UInt8:
@@ -34,6 +36,24 @@ def overlay(frame: UInt8, mask: NDArray[np.integer[Any]]) -> UInt8:
     edge = cv2.morphologyEx(padded, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0
     part[edge & on] = colours[edge[on]]
     return out
+
+
+def encoded_size(height: int, width: int) -> tuple[int, int]:
+    """Height and width that H.264 takes: even, at least 2, at most ``LONGEST``, with the shape kept."""
+    scale = min(1.0, LONGEST / max(height, width))
+    return max(2, int(height * scale) // 2 * 2), max(2, int(width * scale) // 2 * 2)
+
+
+def fitted(image: UInt8) -> UInt8:
+    """An image (H, W, 3) of its ``encoded_size``: too large ones are scaled down, an odd row or column is left out, a single one
+    is doubled.
+    """
+    height, width = encoded_size(*image.shape[:2])
+    if max(image.shape[:2]) > LONGEST:
+        return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    more = [(0, max(0, even - side)) for even, side in zip((height, width), image.shape[:2], strict=True)]
+    padded = np.pad(image, [*more, (0, 0)], mode="edge") if any(after for _, after in more) else image
+    return np.ascontiguousarray(padded[:height, :width])
 
 
 def group_colours(highest: int) -> UInt8:

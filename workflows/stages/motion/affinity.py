@@ -210,9 +210,11 @@ def _views(inputs: Inputs, shot: Shot) -> Views:
 
 def each_pair(statistics: Statistics, residuals: Residuals, shot: Shot) -> Iterator[Pair]:
     """The valid pairs of a shot, numbered from its start, with local ids."""
-    sums, left = (x.of(shot.start, shot.stop).blocks() for x in (statistics, residuals))
-    for measured, block in zip(sums, left, strict=True):
+    for block in residuals.of(shot.start, shot.stop).blocks():
+        # Kept residuals may have other blocks than sums that were made again with another length of the chunks.
+        measured = statistics.of(block.start, block.stop)
         keep, ids = local_ids(block.object, shot)
+        rows = np.searchsorted(measured.object, block.object[keep])
         for k in np.flatnonzero(block.valid):
             if shot.start <= block.start + k < shot.stop - 1:
                 at = np.ix_(keep, keep)
@@ -224,7 +226,7 @@ def each_pair(statistics: Statistics, residuals: Residuals, shot: Shot) -> Itera
                     block.coefficient[k][keep],
                 )
                 number = int(block.start + k) - shot.start
-                yield Pair(number, ids, measured.gram[k][keep], float(measured.noise[k]), found)
+                yield Pair(number, ids, measured.gram[k][rows], float(measured.noise[k]), found)
 
 
 def read_visibility(statistics: Statistics, shot: Shot) -> Floats:

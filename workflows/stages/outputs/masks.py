@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from zsmoseg import settings
-from zsmoseg.errors import OutputError
 from zsmoseg.painting.numbers import paint_table
 from zsmoseg.painting.palette import encode_png
 from zsmoseg.stores import files
+from zsmoseg.stores.output import place
 from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach
 from zsmoseg.workflows.stages.front_end import Labels
@@ -49,7 +49,7 @@ def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
         image = encode_png(groups[label])
         other = image if np.array_equal(groups, instances) else encode_png(instances[label])
         for data, name in zip((image, other), left, strict=False):
-            written[name] = files.write_noted(files.below(part.out, name, OutputError), data)
+            written[name] = files.write_noted(place(part.out, name), data)
     part.facts["files"] = written
     yield from ()
 

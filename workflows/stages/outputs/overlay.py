@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg import settings
-from zsmoseg.errors import OutputError
 from zsmoseg.painting.numbers import paint_table
-from zsmoseg.painting.overlay import overlay
+from zsmoseg.painting.overlay import LONGEST as WIDEST
+from zsmoseg.painting.overlay import encoded_size, fitted, overlay
 from zsmoseg.stores import files
+from zsmoseg.stores.output import place
 from zsmoseg.video.decoding import media
 from zsmoseg.video.probe import Probe
 from zsmoseg.workflows.stage import ALL, Memory, Part, Stage, reach
@@ -52,11 +53,21 @@ def names(probe: Probe, start: int, stop: int, s: Sections) -> list[str]:
     return [NAME] if s.overlay.write else []
 
 
+def scaled_words(probe: Probe) -> list[str]:
+    """That the overlay is smaller than the frames, in words; nothing where it is not."""
+    if max(probe.height, probe.width) <= WIDEST:
+        return []
+    height, width = encoded_size(probe.height, probe.width)
+    return [
+        f"overlay: scaled to {width} x {height} px, H.264 takes sides of {WIDEST} px at most; masks are not scaled"
+    ]
+
+
 def task(part: Part, inputs: Inputs, s: Sections) -> Iterator[Labels]:
     """Decode the source, colour what moves, encode H.264 that browsers play."""
     part.facts["files"] = {}
     if s.overlay.write:
-        path = files.below(part.out, NAME, OutputError)
+        path = place(part.out, NAME)
         with files.appearing(path) as partial:
             _encode(partial, part, _painted(part, inputs, s))
         part.facts["files"] = {NAME: files.noted(path)}
@@ -77,13 +88,11 @@ def _painted(part: Part, inputs: Inputs, s: Sections) -> Iterator[NDArray[np.uin
 def _encode(path: Path, part: Part, images: Iterator[NDArray[np.uint8]]) -> None:
     with av.open(media(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
         stream = container.add_stream("libx264", rate=_rate(part.probe))
-        # the encoder takes even sides only
-        stream.width, stream.height = part.probe.width // 2 * 2, part.probe.height // 2 * 2
+        stream.height, stream.width = encoded_size(part.probe.height, part.probe.width)
         stream.pix_fmt = "yuv420p"
         stream.options = {"preset": "ultrafast", "crf": "23", "threads": "1"}
         for image in images:
-            even = np.ascontiguousarray(image[: stream.height, : stream.width])
-            for packet in stream.encode(av.VideoFrame.from_ndarray(even, "bgr24")):
+            for packet in stream.encode(av.VideoFrame.from_ndarray(fitted(image), "bgr24")):
                 container.mux(packet)
         for packet in stream.encode(None):
             container.mux(packet)
