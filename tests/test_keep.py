@@ -72,7 +72,7 @@ def test_what_is_gone_is_made_again_in_chunks_of_another_length(
     before: int, after: int, clip: Path, tmp_path: Path
 ) -> None:
     segment(clip, tmp_path, {"chunk.length": before}, keep="masks")
-    _, again = segment(clip, tmp_path, {"chunk.length": after}, from_stage="flow")
+    _, again = segment(clip, tmp_path, {"chunk.length": after}, start_from="flow")
     assert {"statistics", "affinity"} <= again.stages
     segment(clip, tmp_path / "one", {"chunk.length": after})
     assert data_bytes(tmp_path / "out") == data_bytes(tmp_path / "one" / "out")
