@@ -1,6 +1,7 @@
 """Optical flow, and which frames are pairs."""
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,6 +13,7 @@ from zsmoseg.flow.consistency import Tolerance, closed, round_trip, round_trip_o
 from zsmoseg.flow.dis import Dis, between
 from zsmoseg.flow.pairs import PairCriteria, pair_state
 from zsmoseg.settings import Flow
+from zsmoseg.synthetic import CAMERAS, video_scene
 
 S = Flow().parameters(Dis)
 FAST = ("motocross-jump", "drift-straight", "bmx-trees")
@@ -48,6 +50,47 @@ def test_flow_of_a_pan_is_the_pan_and_its_opposite():
 def test_small_grids_have_flow(shape):
     image = textured(np.random.default_rng(0), *shape, (100, 100, 100))
     assert np.isfinite(between(image, np.roll(image, 1, 1), S)).all()
+
+
+@pytest.mark.parametrize("seed", [0, 2, 4, 6])
+def test_what_is_small_and_moves_far_is_searched(seed):
+    """A rendered thing of about 50 px that moves by 21 px a frame of the working grid."""
+    scene = video_scene(seed, camera=CAMERAS[seed % len(CAMERAS)], n_frames=2, speeds=[1.0, 10.0])
+    first, second = (np.ascontiguousarray(picture[::2, ::2]) for picture in scene.pictures)
+    truth, group = scene.flow[0][:, ::2, ::2] / 2, scene.truth[0][::2, ::2]
+    fast = group == group.max()
+    lost, found = (np.hypot(*(between(first, second, p)[0] - truth)) < 2 for p in (replace(S, reach=0), S))
+    assert lost[fast].mean() < 0.1
+    assert found[fast].mean() > 0.6
+    assert (lost & ~found)[~fast].mean() < 0.02
+
+
+def thing(shift: int | None, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    """A square of 40 px that moves by ``shift`` px before a world that stands still; None: it is not in the second frame."""
+    rng = np.random.default_rng(seed)
+    still, moving = textured(rng, 200, 360, (110, 130, 90)), textured(rng, 40, 40, (225, 220, 230))
+    first, second = still.copy(), still.copy()
+    first[80:120, 100:140] = moving
+    if shift is not None:
+        second[80:120, 100 + shift : 140 + shift] = moving
+    return first, second
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [
+        thing(3),
+        thing(None),
+        thing(100),
+        (world(0), world(7)),
+        (world(0)[:12, :16], world(7)[:12, :16]),
+        (np.zeros((64, 96, 3), np.uint8), np.full((64, 96, 3), 255, np.uint8)),
+    ],
+    ids=["slow", "hidden", "too far", "another shot", "tiny", "one colour"],
+)
+def test_without_something_found_the_flow_is_as_without_a_search(pair):
+    for plain, searched in zip(between(*pair, replace(S, reach=0)), between(*pair, S), strict=True):
+        np.testing.assert_array_equal(searched, plain)
 
 
 def test_a_frame_shown_twice_is_a_repeat_also_with_noise_and_another_coding():

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zsmoseg.flow.consistency import Flow
+from zsmoseg.flow.search import found_again
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class Dis:
     """Gradient descent steps of a patch."""
     refinement: int
     """Variational refinement steps."""
+    reach: int
+    """px up to which what the flow lost is searched for (``search``); 0 = not at all."""
 
 
 def between(first: NDArray[np.uint8], second: NDArray[np.uint8], parameters: Dis) -> tuple[Flow, Flow]:
@@ -47,8 +50,14 @@ def between(first: NDArray[np.uint8], second: NDArray[np.uint8], parameters: Dis
     dis.setPatchStride(parameters.stride)
     dis.setGradientDescentIterations(parameters.descent)
     dis.setVariationalRefinementIterations(parameters.refinement)
-    one, two = (cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) for frame in (first, second))
+    one, two = (np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), np.uint8) for frame in (first, second))
     forward, backward = dis.calc(one, two, None), dis.calc(two, one, None)  # type: ignore[call-overload]
+    if parameters.reach:
+
+        def begun(*frames_and_flow: NDArray[Any]) -> NDArray[np.float32]:
+            return np.asarray(dis.calc(*(np.ascontiguousarray(x) for x in frames_and_flow)), np.float32)
+
+        forward, backward = found_again(one, two, forward, backward, parameters.reach, begun)
     return _planar(forward), _planar(backward)
 
 

@@ -78,6 +78,14 @@ class Flow(Brought):
     stride: int = setting(4, "distance of the patches (8 px wide)", "px", ("source", "dis"), ge=1, le=8)
     descent: int = setting(12, "gradient descent steps of a patch", "", ("source", "dis"), ge=1, le=256)
     refinement: int = setting(0, "variational refinement steps", "", ("source", "dis"), ge=0, le=256)
+    reach: int = setting(
+        48,
+        "how far away what moves too fast for that is searched; 0 = not",
+        "px",
+        ("source", "dis"),
+        ge=0,
+        le=256,
+    )
     cut: float = setting(
         0.58, "share of pixels that the other frame does not explain above which a pair is a cut", gt=0, le=1
     )

@@ -121,4 +121,4 @@ def between_cuts(state: NDArray[np.uint8]) -> list[tuple[int, int]]:
     return list(zip([0, *cuts], [*cuts, len(state) + 1], strict=True))
 
 
-STAGE = Stage("flow", 2, task, Inputs, Sections, Flow, cost=(23.9, 328.4), memory=Memory(working=42))
+STAGE = Stage("flow", 3, task, Inputs, Sections, Flow, cost=(23.9, 328.4), memory=Memory(working=42))
