@@ -105,7 +105,7 @@ def test_rates_are_those_of_the_same_settings_else_of_others_else_typical_at_the
     flow, masks = plan.stages["flow"], plan.stages["masks"]
     known = Rates()
     assert known.of(flow).processor == flow.stage.cost[0] / 1e3
-    known.stages = {"flow 2 other": Taken(10.0, 20.0, 5.0, 7.0, 1.0)}
+    known.stages = {f"flow {flow.stage.version} other": Taken(10.0, 20.0, 5.0, 7.0, 1.0)}
     assert known.of(flow) == rates.Rate(2.0, 4.0, 7.0, True)
     assert known.of(masks).processor == pytest.approx(masks.stage.cost[0] / flow.stage.cost[0] * 2.0)
     assert not known.of(masks).measured

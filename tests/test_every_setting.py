@@ -36,6 +36,7 @@ NO_BYTES = {
     "affinity.columns": "second cue: tests/test_second_cue.py",
     "flow.source": "imports: tests/test_imports.py",
     "flow.path": "imports: tests/test_imports.py",
+    "flow.reach": "acts on what moves by 20 px a frame: tests/test_flow.py",
     "depth.path": "imports: tests/test_imports.py",
     "depth.kind": "imports: tests/test_imports.py",
     **{

@@ -221,6 +221,8 @@ def test_ctrl_c_ends_it_without_a_word_of_python_whenever_it_comes(
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        # What starts the tests in the background has them, and all that they start, pass over SIGINT.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         assert process.stderr is not None
         next(line for line in process.stderr if when in line)
