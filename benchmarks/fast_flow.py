@@ -85,10 +85,11 @@ def main() -> None:
         row(name, px, scenes, plain, videos)
     for name in CONSTANTS:
         kept = getattr(search, name)
-        for word, value in (("/ 2", kept / 2), ("x 2", kept * 2)):
+        for word, factor in (("/ 2", 0.5), ("x 2", 2)):
+            value = type(kept)(kept * factor)
             setattr(
-                search, name, type(kept)(value) | (name == "MEAN") if name == "MEAN" else type(kept)(value)
-            )
+                search, name, value | 1 if name == "MEAN" else value
+            )  # the square around a cell has a middle
             row(f"{name} {word}", reach, scenes, plain, videos)
         setattr(search, name, kept)
 

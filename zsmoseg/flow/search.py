@@ -108,12 +108,6 @@ def _difference(first: Cells, second: Cells, flow: Flow) -> Cells:
     return np.where(trip.inside, cv2.blur(differences, (2 * HALF + 1,) * 2), np.float32(0))
 
 
-def _lost(first: Cells, second: Cells, flow: Flow) -> Cells:
-    """The difference where flow takes a thing to other colours; else 0."""
-    difference = _difference(first, second, flow)
-    return np.where(_large(difference > LOST) > 0, difference, np.float32(0))
-
-
 def _large(cells: NDArray[np.bool_]) -> Things:
     """Cells that touch, if there are enough."""
     things, _ = scipy.ndimage.label(cells, np.ones((3, 3)))
@@ -140,7 +134,8 @@ def _again(
 ) -> tuple[Field, Things]:
     """The flow, with what a search finds that begins with things where they were found; and (H, W) which px are theirs."""
     short = _in_cells(flow, cells[0].shape)
-    lost = _lost(*cells, short)
+    before = _difference(*cells, short)
+    lost = np.where(_large(before > LOST) > 0, before, np.float32(0))
     there = _elsewhere(*cells, short, lost, -(-reach // CELL))
     things = _large((there != short).any(axis=0))
     if not things.any():
@@ -150,7 +145,7 @@ def _again(
     again = flow.copy()
     begin = np.where(_in_px(things, flow.shape)[..., None] > 0, begin, flow)
     again[box] = search(frames[0][box], frames[1][box], begin[box])
-    before, after = (_difference(*cells, f) for f in (short, _in_cells(again, things.shape)))
+    after = _difference(*cells, _in_cells(again, things.shape))
     sums = [np.bincount(things.ravel(), x.ravel()) for x in (before, after)]
     things[(sums[1] > SURE * sums[0])[things]] = 0
     near = cv2.dilate(things.astype(np.float32), np.ones((2 * MARGIN + 1,) * 2))
