@@ -214,7 +214,9 @@ def each_pair(statistics: Statistics, residuals: Residuals, shot: Shot) -> Itera
         # Kept residuals may have other blocks than sums that were made again with another length of the chunks.
         measured = statistics.of(block.start, block.stop)
         keep, ids = local_ids(block.object, shot)
-        rows = np.searchsorted(measured.object, block.object[keep])
+        rows = np.flatnonzero(
+            np.isin(measured.object, block.object[keep])
+        )  # one that is not there shows by the shape
         for k in np.flatnonzero(block.valid):
             if shot.start <= block.start + k < shot.stop - 1:
                 at = np.ix_(keep, keep)
